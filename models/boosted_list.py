@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, set_frozen
 from pgm_places.errors import InputError, ModelFileError, quoted
-from pgm_places.models.strong_classifier import BoostedTrees, Split, StrongClassifier, VoteTable
+from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier, TreeSplit, VoteTable
 
 __all__ = ["BoostedList"]
 
@@ -189,7 +189,7 @@ class BoostedList:
 
         In the order of choice, as in :meth:`features_in_order_of_choice`.
         """
-        distinct: dict[tuple[int, float], Split] = {}
+        distinct: dict[tuple[int, float], TreeSplit] = {}
         for split in self._splits():
             distinct.setdefault((split.column, split.threshold), split)
         picked = list(distinct.values())[:limit]
@@ -198,7 +198,7 @@ class BoostedList:
             out[:, s] = np.where(X[:, split.column] < split.cut, split.left, -split.left)
         return out
 
-    def _splits(self) -> Iterator[Split]:
+    def _splits(self) -> Iterator[TreeSplit]:
         """All splits: every classifier's first round, then every second one, ..."""
         longest = max(item.n_rounds for item in self.classifiers)
         for t in range(longest):

@@ -17,7 +17,7 @@ from pgm_places.options import Seed
 
 
 @dataclass(frozen=True, eq=False)
-class Examples:
+class TeachingExamples:
     """New training examples of a list.
 
     Parameters
@@ -42,13 +42,13 @@ class Examples:
             raise InputError("further boosting needs at least one example, all of positive weight")
         set_frozen(self, labels=labels, weights=weights)
 
-    def where(self, chosen: NDArray[np.bool_]) -> "Examples":
+    def where(self, chosen: NDArray[np.bool_]) -> "TeachingExamples":
         """Some of these examples."""
-        return Examples(self.X[chosen], self.labels[chosen], self.weights[chosen])
+        return TeachingExamples(self.X[chosen], self.labels[chosen], self.weights[chosen])
 
-    def and_also(self, other: "Examples") -> "Examples":
+    def and_also(self, other: "TeachingExamples") -> "TeachingExamples":
         """These examples and others."""
-        return Examples(
+        return TeachingExamples(
             np.concatenate([self.X, other.X]),
             np.concatenate([self.labels, other.labels]),
             np.concatenate([self.weights, other.weights]),
@@ -84,7 +84,7 @@ ROUNDS = FurtherRounds()
 
 
 def boosted_further(
-    fitted: BoostedList, examples: Examples, rounds: FurtherRounds = ROUNDS
+    fitted: BoostedList, examples: TeachingExamples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
     """The list with further rounds boosted on new examples.
 
@@ -119,7 +119,7 @@ def boosted_further(
     return replace(fitted, classifiers=tuple(classifiers))
 
 
-def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> Examples:
+def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> TeachingExamples:
     """Examples (n K) with the list's own predictions: every class, weighted by its probability.
 
     They regularise a list towards its predictions. At its own probabilities p the weights of both
@@ -135,7 +135,7 @@ def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> E
     """
     p = np.exp(fitted.log_histogram(X))
     n, k = p.shape
-    return Examples(
+    return TeachingExamples(
         np.repeat(X, k, axis=0),
         np.tile(np.arange(k), n),
         np.maximum(p.ravel(), 1e-9) * (weight / max(n, 1)),
@@ -143,7 +143,7 @@ def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> E
 
 
 def with_first_class(
-    fitted: BoostedList, label: Any, examples: Examples, rounds: FurtherRounds = ROUNDS
+    fitted: BoostedList, label: Any, examples: TeachingExamples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
     """The list with a new class in first place; the other classifiers do not change.
 
@@ -184,7 +184,7 @@ def _rounds(
     like: StrongClassifier | BoostedTrees,
     prepared: SortedFeatures,
     sides: tuple[list[int], list[int]],
-    examples: Examples,
+    examples: TeachingExamples,
     rounds: FurtherRounds,
     **more: Any,
 ) -> Any:

@@ -15,7 +15,7 @@ from pgm_places.kernels.threads import run_parts
 _SAMPLES_PER_TASK = 8192
 
 
-class Split(NamedTuple):
+class TreeSplit(NamedTuple):
     """A threshold test of one column by a weak classifier.
 
     Attributes
@@ -113,10 +113,10 @@ class StrongClassifier(Voters):
         """(T,) contribution of each stump to F where ``x < cut``; its negative elsewhere."""
         return self.alpha * self.polarity
 
-    def splits(self, t: int) -> list[Split]:
+    def splits(self, t: int) -> list[TreeSplit]:
         """The split of stump t."""
         return [
-            Split(
+            TreeSplit(
                 int(self.feature[t]), float(self.threshold[t]), self.cut[t], int(self.polarity[t])
             )
         ]
@@ -240,10 +240,10 @@ class BoostedTrees(Voters):
         value = finite_array("value", self.value, (n_trees, n_splits + 1), dtype=np.float32)
         set_frozen(self, feature=feature.astype(np.int32), cut=cut, value=value)
 
-    def splits(self, t: int) -> list[Split]:
+    def splits(self, t: int) -> list[TreeSplit]:
         """The splits of tree t, from the root down, with output +1 on the left."""
         pairs = zip(self.feature[t].tolist(), self.cut[t], strict=True)
-        return [Split(j, float(cut), cut, 1) for j, cut in pairs if j >= 0]
+        return [TreeSplit(j, float(cut), cut, 1) for j, cut in pairs if j >= 0]
 
     @property
     def depth(self) -> int:

@@ -23,7 +23,7 @@ _TIE = 2.0**-40
 _WORTH_THREADS = 4_000_000
 
 
-class Examples(NamedTuple):
+class TreeExamples(NamedTuple):
     """The examples whose histograms are filled.
 
     Attributes
@@ -120,7 +120,7 @@ class TreeSearch:
         self.max_depth = max_depth
         self.leaf = np.zeros(n, np.uint8)
         self.cuts = _cuts(prepared)
-        self._buffers = Examples(
+        self._buffers = TreeExamples(
             np.empty(n, np.uint32), np.empty(n, np.uint32), np.empty(n, np.int64)
         )
         self._histograms = [
@@ -180,12 +180,12 @@ class TreeSearch:
 
     def _counted(
         self, level: int, masses: NDArray[np.int64], lighter: NDArray[np.int64]
-    ) -> Examples:
+    ) -> TreeExamples:
         chosen = np.zeros(2**level, np.bool_)
         chosen[lighter[lighter >= 0]] = True
         position, base, mass = self._buffers
         count = _core.examples_of_nodes(self.segments, self.leaf, chosen, masses, self._buffers)
-        return Examples(position[:count], base[:count], mass[:count])
+        return TreeExamples(position[:count], base[:count], mass[:count])
 
     def _split(
         self,

@@ -128,7 +128,7 @@ class Registry:
             f"of group {self.group!r} so that it can be found again"
         )
 
-    def restored(self, name: str, options: Mapping[str, Any]) -> Any:
+    def from_saved(self, name: str, options: Mapping[str, Any]) -> Any:
         """An instance of a class that a model file names.
 
         Only registered classes are allowed: a file must not choose imports. Former names of options

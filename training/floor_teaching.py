@@ -1,4 +1,4 @@
-"""The shipped networks, taught some more on the maps of an experiment."""
+"""Further training of the shipped floor networks on the maps of an experiment."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ _STYLES = ("office", "school", "clinic", "home", "hotel", "varied", "university"
 _NAMES = ("corridor", "room", "doorway", "hall")
 _RATE = 2e-4
 _OWN_SHARE = 0.5
-"""Pieces of the user's maps; the others keep the networks from forgetting all other buildings."""
+"""Share of crops of the user's maps; the others prevent forgetting of other buildings."""
 
 
 def taught_floor(
@@ -30,7 +30,7 @@ def taught_floor(
     label_names: Sequence[str],
     steps: int,
 ) -> FloorModel:
-    """The networks after some more steps, each from other pieces of the same maps.
+    """The floor networks after further training, each on other crops of the same maps.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def _floor(item: LabelledMap, names: Sequence[str], *, drawn: bool) -> "Labelled
 
 
 def _rehearsal() -> Iterator[tuple[LabelledMap, bool]]:
-    """Generated buildings as drawn, and as robots map them; and whether they are drawn."""
+    """Generated buildings as drawn and as simulated robot maps; and whether they are drawn."""
     for seed, style in enumerate(_STYLES, start=9000):
         made = generate_building(
             seed,

@@ -15,7 +15,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.segments import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.scan_model import BeamOptions, observed_along
@@ -156,7 +156,7 @@ def observed(
         path = drive()
         assert path.labels is not None
         seen = observed_along(path, SENSOR, BEAMS, floor=floor)
-        steps = np.arange(len(path)) if all_steps else Segments(path.poses, EVERY_M).first
+        steps = np.arange(len(path)) if all_steps else PathSegments(path.poses, EVERY_M).first
         if not all_steps:
             steps = steps[path.labels[steps] >= 0]
         shown: dict[str, NDArray[Any]] = {

@@ -11,7 +11,7 @@ from experiments.known_maps import DRAWN, GENERATED, NAMES, SIMULATED
 from experiments.tracking_model.drives import BEAMS, EVERY_M, SENSOR, Observed
 from pgm_places.features.custom import feature_values
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.labelers.trajectory_learning import Examples, learn_list, learn_method
+from pgm_places.labelers.trajectory_learning import ListExamples, learn_list, learn_method
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.semi_markov import SemiMarkovModel
 from pgm_places.unary.list_learning import RAREST_FIRST, Rows
@@ -64,7 +64,7 @@ class Learned:
     """A fitted list, the held-out scores of its examples, and the examples."""
 
     model: ScanModel
-    examples: Examples
+    examples: ListExamples
     scores: NDArray[np.float64]
     table: Table
 
@@ -125,7 +125,7 @@ def learned(
         np.repeat(fold, sizes).astype(np.int64),
         None if composition is None else np.repeat(composition(table.drives), sizes),
     )
-    examples = Examples(rows, (), tuple(np.arange(size) for size in sizes))
+    examples = ListExamples(rows, (), tuple(np.arange(size) for size in sizes))
     labeler = TrajectoryLabeler(
         NAMES, sensor=SENSOR, beams=BEAMS, classifier=unfitted or classifier()
     )

@@ -1,4 +1,4 @@
-"""A table in a file that grows row by row, also by several processes, and is sorted later."""
+"""Append-only CSV table, written by several processes and sorted later."""
 
 import csv
 import io
@@ -15,14 +15,13 @@ from pgm_places.io.output_set import is_as_written
 from pgm_places.io.staging import as_output_errors
 
 Row: TypeAlias = dict[str, str]
-"""A row by its columns; ``name`` is one of them."""
+"""Values by column; one column is ``name``."""
 
 
 class AppendOnlyCsv:
-    """Comma-separated values whose columns in the middle may become more.
+    """A CSV table with fixed columns at both ends and a growing set of columns in the middle.
 
-    Appending and replacing hold a lock. A last line without its end, as a power cut leaves it,
-    is dropped.
+    Appending and replacing hold a lock. An incomplete last line, as after a power cut, is dropped.
 
     Parameters
     ----------
@@ -35,12 +34,12 @@ class AppendOnlyCsv:
         self.path, self._first, self._last = path, tuple(first), tuple(last)
 
     def check(self) -> None:
-        """Refuse a file in the way that is another table; one of an earlier version is removed.
+        """Check the columns of an existing file; a table of an earlier version is removed.
 
         Raises
         ------
         OutputError
-            The file is not ours.
+            The file has other columns and was not written by this package.
         """
         header = self._header()
         if header is None:
@@ -50,13 +49,13 @@ class AppendOnlyCsv:
             return
         if not is_as_written(self.path):
             raise OutputError(
-                f"{self.path}: its columns are not those of a list of maps; move the file away, or "
-                "choose another folder"
+                f"{self.path}: not a table of labelled maps; move the file away, or choose another "
+                "folder"
             )
         self.path.unlink()
 
     def append(self, row: Mapping[str, str], middle: Sequence[str] = ()) -> None:
-        """Write a row at the end; ``middle`` are its columns between the first and the last."""
+        """Append a row; ``middle`` are its columns between the first and the last."""
         with as_output_errors(self.path):
             header = self._header()
             if header is None or not set(middle) <= set(header):
@@ -72,14 +71,14 @@ class AppendOnlyCsv:
                 file.write(_line(row.get(name, "") for name in header))
 
     def rows(self) -> Iterator[Row]:
-        """The rows as they come; none where there is no file."""
+        """The rows in file order; none without a file."""
         try:
             file = self.path.open(encoding="utf-8", errors="surrogateescape", newline="")
         except FileNotFoundError:
             return
         with file:
-            whole = (line for line in file if line.endswith("\n"))
-            for row in csv.DictReader(whole):
+            complete = (line for line in file if line.endswith("\n"))
+            for row in csv.DictReader(complete):
                 if None not in row and None not in row.values():
                     yield row
 
@@ -89,7 +88,7 @@ class AppendOnlyCsv:
 
     @contextmanager
     def replaced(self, middle: Sequence[str]) -> Iterator[Callable[[Row], None]]:
-        """What writes rows of a new table, which takes this one's place when the block ends."""
+        """Yield a writer of rows; the new table replaces this one after the block."""
         header = (*self._first, *middle, *self._last)
         with atomic_file(self.path) as temporary, temporary.open("wb") as file:
             file.write(_line(header))
@@ -111,7 +110,7 @@ class AppendOnlyCsv:
 
 
 def sort_key(name: str) -> tuple[str, ...]:
-    """By folders, as one walks through them."""
+    """Sort names folder by folder."""
     return tuple(name.split("/"))
 
 
@@ -120,13 +119,13 @@ def _line(values: Iterable[str]) -> bytes:
 
 
 def _end_of_lines(file: io.BufferedRandom) -> int:
-    """Where the last whole line ends."""
+    """Offset of the end of the last complete line."""
     end = file.seek(0, os.SEEK_END)
     while end:
         start = max(0, end - 4096)
         file.seek(start)
-        found = file.read(end - start).rfind(b"\n")
-        if found >= 0:
-            return start + found + 1
+        newline = file.read(end - start).rfind(b"\n")
+        if newline >= 0:
+            return start + newline + 1
         end = start
     return 0

@@ -1,4 +1,4 @@
-"""The folder that the results of many maps are written to: its names, root, claims and index."""
+"""The output folder of a batch: root of the names, claims of workers, and index."""
 
 import hashlib
 import json
@@ -42,7 +42,7 @@ _MAX_BYTES = 1 << 16
 
 
 def recorded_root(out: Path) -> Path | None:
-    """The folder that the names in ``out`` start from; None where it is unknown, or has moved."""
+    """The root of the map names in ``out``; None if it is unknown or was moved."""
     if not is_address(out):
         return _root_in(out)
     with temporary_folder() as here:
@@ -60,22 +60,22 @@ def _root_in(folder: Path) -> Path | None:
 
 
 def batch_of(folder: Path) -> Path | None:
-    """The folder of the batch that labelled a map into this one; None where no batch did."""
+    """The folder of the batch that ``folder`` belongs to, or None."""
     return next((path for path in folder.resolve().parents if is_of_batch(path)), None)
 
 
 def is_of_batch(folder: Path) -> bool:
-    """Whether many maps were labelled into a folder."""
+    """Whether a folder is the output folder of a batch."""
     return (folder / _RECORD).is_file()
 
 
 def write_root(out: Path, root: Path) -> None:
-    """Keep the root for later runs.
+    """Record the root for later runs.
 
     Raises
     ------
     OutputError
-        It cannot be written, as where the bucket of an address does not exist.
+        It cannot be written, for instance because the bucket of an address does not exist.
     """
     record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
     if recorded_root(out) == root:
@@ -89,26 +89,24 @@ def write_root(out: Path, root: Path) -> None:
 
 
 def claim_of(out: Path, name: str) -> Path:
-    """The file that stands for the right to label a map."""
+    """The lock file of a map."""
     digest = hashlib.sha256(name.encode("utf-8", "surrogateescape")).hexdigest()
     return out / _CLAIMS / digest[:32]
 
 
-def tidy_after_the_dead(out: Path) -> None:
+def remove_crash_leftovers(out: Path) -> None:
     """Remove lock files and partial output of crashed workers.
 
-    Only what a batch leaves there is looked at: a folder of results may come from others.
-
-    A worker that dies when it has just completed a map leaves an empty folder beside it, which no
-    later run would find, because the map is done.
+    Only files with the names of a batch's leftovers are touched. Leftovers of labelled maps would
+    stay otherwise, because later runs skip these maps.
     """
     claims = out / _CLAIMS
     if claims.is_symlink():
-        raise OutputError(f"cannot write {claims}: a symbolic link stands in its place; remove it")
-    held: list[Path] = []
+        raise OutputError(f"cannot write {claims}: it is a symbolic link; remove it")
+    lock_files: list[Path] = []
     with suppress(FileNotFoundError):  # no run holds claims
-        held += claims.iterdir()
-    for path in held:
+        lock_files += claims.iterdir()
+    for path in lock_files:
         if not _CLAIM.fullmatch(path.name) or path.is_symlink() or not path.is_file():
             continue
         with claimed(path) as is_free:
@@ -122,30 +120,32 @@ def tidy_after_the_dead(out: Path) -> None:
 
 
 def names_in_the_way(maps: Iterable[FoundMap]) -> Iterator[Failure]:
-    """The maps whose folders would hold those of others, or be called like the lists of all."""
+    """Failures of maps whose output folder would collide with another map's or with the index."""
     reserved = {name.casefold() for name in LISTS}
-    by_name = {item.name.casefold(): item for item in maps}
-    found: dict[str, str] = {}
-    for name, item in by_name.items():
+    by_name = {map_.name.casefold(): map_ for map_ in maps}
+    reasons: dict[str, str] = {}
+    for name, map_ in by_name.items():
         parts = name.split("/")
         if parts[0] in reserved:
-            found[item.name] = "its folder would be called like a list of all maps"
+            reasons[map_.name] = "its folder would have the name of an index file"
         for n in range(1, len(parts)):
             holder = by_name.get("/".join(parts[:n]))
             if holder is not None:
-                found[holder.name] = f"its folder would hold that of {item.path}"
-    for item in maps:
-        if by_name[item.name.casefold()] is not item:
-            other = by_name[item.name.casefold()].path
-            found[item.name] = f"its name differs from that of {other} by capital letters alone"
-        if item.name in found:
-            message = f"{item.path}: {found[item.name]}; rename the map or its folder"
-            yield Failure(item.name, str(item.path), "MapError", message)
+                reasons[holder.name] = f"its folder would contain the folder of {map_.path}"
+    for map_ in maps:
+        if by_name[map_.name.casefold()] is not map_:
+            other = by_name[map_.name.casefold()].path
+            reasons[map_.name] = (
+                f"its name differs from the name of {other} only in capital letters"
+            )
+        if map_.name in reasons:
+            message = f"{map_.path}: {reasons[map_.name]}; rename the map or its folder"
+            yield Failure(map_.name, str(map_.path), "MapError", message)
 
 
 @dataclass(frozen=True)
 class Index:
-    """What is in a folder, and the files that list it."""
+    """Counts of a batch folder, and its index files."""
 
     overview: Overview
     written: tuple[str, ...]
@@ -154,14 +154,14 @@ class Index:
 def index_folder(
     folder: Path, *, parquet: bool = False, force: bool = False, progress: Progress
 ) -> Index:
-    """List all labelled maps below a folder, or behind an address.
+    """Rebuild the index of all labelled maps below a folder or an address.
 
     Raises
     ------
     InputError
-        There is no such folder, or no labelled map in it; or Parquet cannot be written here.
+        There is no such folder, or no labelled map in it; or pyarrow is missing.
     OutputError
-        The lists cannot be written, or files of the user's own are in their way.
+        The index cannot be written, or would overwrite files of the user.
     """
     if is_address(folder):
         places = (PLACES_FILE, OLD_PLACES_FILE) if parquet else ()
@@ -173,7 +173,7 @@ def index_folder(
             return _listed(lists, shown.rstrip("/"), parquet, force=force, progress=progress)
     out = user_path(folder, InputError)
     if file_kind(out) != "folder":
-        raise InputError(f"{folder}: no such folder; expected one that 'label' wrote many maps to")
+        raise InputError(f"{folder}: no such folder; expected the folder of a batch of 'label'")
     _check_holds_results(str(folder), out)
     lists = BatchIndex(claim(out, force=True))
     return _listed(lists, str(folder), parquet, force=force, progress=progress)
@@ -182,15 +182,15 @@ def index_folder(
 def _check_holds_results(shown: str, out: Path) -> None:
     if next(_labelled(out), None) is None:
         raise InputError(
-            f"{shown}: no labelled map below it (a folder with {MANIFEST_FILE}), as 'label' "
-            "writes them for many maps"
+            f"{shown}: no labelled map (a folder with {MANIFEST_FILE}) below it; expected the "
+            "folder of a batch of 'label'"
         )
 
 
 def _listed(
     lists: BatchIndex, shown: str, parquet: bool, *, force: bool, progress: Progress
 ) -> Index:
-    """Make the lists of a folder on this machine, which is called as shown."""
+    """Rebuild the index in a local folder; ``shown`` is its name in messages."""
     lists.begin(force=force)
     if parquet:
         with progress.stage("places"):
@@ -203,7 +203,7 @@ def _listed(
 
 
 def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:
-    """The labelled maps below a folder in order, each with the time that it was labelled at."""
+    """The labelled maps below a folder, sorted, each with its time stamp."""
     root = recorded_root(out)
     for folder, below, _ in os.walk(out):
         below[:] = sorted(name for name in below if not name.startswith("."))
@@ -218,7 +218,7 @@ def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:
 
 
 def _in_root(row: LabelledRow, root: Path | None) -> LabelledRow:
-    """The row with the path that its map has now, where the whole input was moved."""
+    """The row with the current path of its map, if the input was moved."""
     moved = None if root is None else root / f"{row.name}.yaml"
     return replace(row, map=str(moved)) if moved is not None and moved.exists() else row
 
@@ -226,11 +226,11 @@ def _in_root(row: LabelledRow, root: Path | None) -> LabelledRow:
 PLACE_TABLE = "places.parquet"
 
 _MAPS_AT_ONCE = 1000
-"""Maps whose places are held in memory, and make a group of rows of the file."""
+"""Maps per row group of the file, whose places are in memory at once."""
 
 
 def write_place_table(path: Path, out: Path, names: Iterable[str]) -> Path:
-    """Write the places of maps; the path.
+    """Write the places of all maps as Parquet; the path.
 
     Columns: ``map`` (its name), ``place`` (its id), ``name``, ``label``, ``area_m2``,
     ``confidence`` (null where unknown), ``doubtful_m2``, ``x_m`` and ``y_m`` (the anchor in the
@@ -240,9 +240,9 @@ def write_place_table(path: Path, out: Path, names: Iterable[str]) -> Path:
     ----------
     path : Path
     out : Path
-        The folder of the results.
+        The folder of the batch.
     names : iterable of str
-        The maps, each with a folder below it.
+        Names of the maps: their folders below ``out``.
 
     Raises
     ------
@@ -267,23 +267,23 @@ def write_place_table(path: Path, out: Path, names: Iterable[str]) -> Path:
             "connected_to": arrow.list_(arrow.int32()),
         }
     )
-    waiting = iter(names)
+    remaining = iter(names)
     with atomic_file(path) as temporary, parquet.ParquetWriter(temporary, schema) as writer:
-        while some := list(islice(waiting, _MAPS_AT_ONCE)):
-            rows = [row for name in some for row in _places(out / name, name)]
+        while group := list(islice(remaining, _MAPS_AT_ONCE)):
+            rows = [row for name in group for row in _places(out / name, name)]
             writer.write_table(arrow.Table.from_pylist(rows, schema))
     return path
 
 
 def _places(folder: Path, name: str) -> list[dict[str, Any]]:
-    """The places of one map; none where its file is damaged or gone."""
+    """The places of one map; none if its file is damaged or missing."""
     try:
         wanted = "a topological map"
         record = read_json(places_path(folder), InputError, wanted, max_bytes=MAX_BYTES)
         near: dict[int, set[int]] = {}
-        for item in record["connections"]:
-            near.setdefault(int(item["first"]), set()).add(int(item["second"]))
-            near.setdefault(int(item["second"]), set()).add(int(item["first"]))
+        for connection in record["connections"]:
+            near.setdefault(int(connection["first"]), set()).add(int(connection["second"]))
+            near.setdefault(int(connection["second"]), set()).add(int(connection["first"]))
         return [_place(region, name, near) for region in record["regions"]]
     except (InputError, LookupError, TypeError, ValueError):
         return []
@@ -307,7 +307,7 @@ def _place(region: dict[str, Any], name: str, near: dict[int, set[int]]) -> dict
 
 
 def write_check_first(folder: Path, stage: Path, old: str, new: str) -> bool:
-    """Write a map's manifest with a place's new name, where it is the place to check first."""
+    """Write a map's manifest with the new name, if the renamed place is the one to check first."""
     record = manifest_record(folder)
     if record is None or record.get("figures", {}).get("check_first") != old:
         return False
@@ -318,13 +318,13 @@ def write_check_first(folder: Path, stage: Path, old: str, new: str) -> bool:
     return True
 
 
-def write_row_again(folder: Path) -> None:
-    """Write a map's row and the page of the batch that it belongs to, if it belongs to one.
+def rewrite_row(folder: Path) -> None:
+    """Rewrite a map's row and the page of its batch, if it belongs to a batch.
 
     Raises
     ------
     OutputError
-        The lists cannot be written.
+        The index cannot be written.
     """
     out = batch_of(folder)
     if out is None:

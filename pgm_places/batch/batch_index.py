@@ -27,7 +27,7 @@ from pgm_places.io.staging import locked
 SUMMARY_FILE, FAILURE_FILE, INDEX_FILE = "summary.csv", "failures.csv", "index.html"
 
 LISTS = (INDEX_FILE, SUMMARY_FILE, FAILURE_FILE, "places.parquet")
-"""The names that no folder of a map may have."""
+"""Files of the index; no folder of a map may have these names."""
 
 _FIRST = ("name", "map", "method", "places", "connections", "area_m2")
 _LAST = ("doubt", "doubtful_m2", "check_first", "warnings", "seconds", "time", "in_input")
@@ -35,30 +35,30 @@ _FAILURE = ("name", "map", "error", "message", "time")
 """Columns of the failures; times are in UTC."""
 
 _LEAST_PAUSE_S, _PAUSES = 30.0, 20
-"""Rewrite a page after this time, and after this multiple of the time that writing took."""
+"""Rewrite the page after this time, and after this multiple of the time to write it."""
 
 
 class BatchIndex:
-    """The lists, written while the maps come.
+    """The summary table, the table of failures and the overview page of a batch.
 
-    Rows are appended at once, to the table or to the failures. From time to time, and in the end,
-    both are sorted, of the rows of one map only the newest stays, and the page is written.
-    Several processes may do so on one folder.
+    Rows are appended immediately to one of the tables. Periodically and at the end, both tables are
+    sorted, reduced to the newest row of each map, and the page is written. Several processes may
+    write to the index of one folder.
 
     Parameters
     ----------
     out : Path
-        The folder of all results.
+        The folder of the batch.
     names : iterable of str, optional
-        The maps of the input; without it, a map is of the input as long as its file is there.
-    far : FarLists, optional
-        Where the results are on another machine, the lists there; ``out`` is its local folder.
+        Names of the input maps; without it, a map counts as input as long as its file exists.
+    remote : RemoteIndex, optional
+        The index on another machine, if the results are there; ``out`` is then a local copy.
     """
 
     def __init__(
-        self, out: Path, names: Iterable[str] | None = None, far: RemoteIndex | None = None
+        self, out: Path, names: Iterable[str] | None = None, remote: RemoteIndex | None = None
     ) -> None:
-        self.out, self._far = out, far
+        self.out, self._remote = out, remote
         self._summary = AppendOnlyCsv(out / SUMMARY_FILE, _FIRST, _LAST)
         self._failures = AppendOnlyCsv(out / FAILURE_FILE, _FAILURE)
         self._input = None if names is None else _sorted_hashes(names)
@@ -66,12 +66,12 @@ class BatchIndex:
         self._next_s, self._written_s = time.monotonic() + _LEAST_PAUSE_S, 0.0
 
     def begin(self, *, force: bool = False) -> None:
-        """Look what is there already.
+        """Read the existing index.
 
         Raises
         ------
         OutputError
-            One of the files is not ours.
+            A file of the index was not written by this package.
         """
         page = self.out / INDEX_FILE
         if page.exists() and not (force or is_as_written(page) or _is_page(page)):
@@ -81,13 +81,13 @@ class BatchIndex:
             )
         for table in (self._summary, self._failures):
             table.check()
-        self.take_others()
+        self.merge_others()
         self.settle()
         rows = (row for table in (self._summary, self._failures) for row in table.rows())
         self._known = _sorted_hashes(map(_content, rows))
 
     def add(self, outcome: LabelledRow | Failure) -> None:
-        """Append a row, unless it is there; write the page where it has become old."""
+        """Append a row, unless it exists; rewrite the page if it is due."""
         if isinstance(outcome, LabelledRow):
             table, row, middle = self._summary, summary_row(outcome), _area_columns(outcome)
         else:
@@ -100,12 +100,12 @@ class BatchIndex:
             self.write_page(self.settle())
 
     def failed(self) -> dict[str, str]:
-        """The maps that failed last, and their files."""
+        """Names and files of the maps whose last run failed."""
         return {row["name"]: row["map"] for row in self._failures.rows()}
 
-    def take_others(self) -> None:
-        """Merge what other runs have put on the other machine since the last time."""
-        for folder in [] if self._far is None else self._far.others():
+    def merge_others(self) -> None:
+        """Merge new tables of other runs from the remote machine."""
+        for folder in [] if self._remote is None else self._remote.others():
             theirs = BatchIndex(folder)
             with suppress(OutputError):  # tables of another version
                 theirs._summary.check()
@@ -113,54 +113,54 @@ class BatchIndex:
                 middle = dict.fromkeys((*self._summary.middle(), *theirs._summary.middle()))
                 both = (
                     _tagged(table, is_row=is_row)
-                    for item in (self, theirs)
-                    for table, is_row in ((item._summary, True), (item._failures, False))
+                    for index in (self, theirs)
+                    for table, is_row in ((index._summary, True), (index._failures, False))
                 )
                 self._write(_merged(*both), tuple(middle), at_the_end=False)
 
     def write_page(self, overview: Overview) -> Path:
-        """Write the page, and all lists to the other machine if it takes them now; its path."""
+        """Write the page, and upload the index if the remote machine accepts it now; the path."""
         path = self._written_page(overview)
-        if self._far is not None:
-            with suppress(OutputError):  # a busy server: next time, or in the end
-                self._far.put_tables(ended=False, patient=False)
-                self._far.put(patient=False)
+        if self._remote is not None:
+            with suppress(OutputError):  # a busy server: retried later
+                self._remote.put_tables(ended=False, patient=False)
+                self._remote.put(patient=False)
         now = time.monotonic()
         took = now - self._written_s
         self._next_s = now + max(_LEAST_PAUSE_S, _PAUSES * took)
         return path
 
     def end(self, settle: Callable[[], Overview] | None = None) -> Overview:
-        """Write all lists for the last time; ``settle`` sorts them, by default as a batch does.
+        """Write the final index; ``settle`` sorts the tables, by default :meth:`settle`.
 
         Raises
         ------
         OutputError
-            The other machine does not take the lists, for as long as one may wait for it.
+            The remote machine did not accept the index before the timeout.
         """
         settle = settle or partial(self.settle, at_the_end=True)
-        if self._far is None:
+        if self._remote is None:
             overview = settle()
             self._written_page(overview)
             return overview
         overview = settle()
         self._written_page(overview)
-        if self._far.is_unchanged:
+        if self._remote.is_unchanged:
             return overview
-        self._far.put_tables(ended=True)  # before it is looked for those of others
+        self._remote.put_tables(ended=True)  # before looking for the tables of other runs
         while True:
-            self.take_others()
+            self.merge_others()
             overview = settle()
             self._written_page(overview)
-            self._far.put()
-            if not self._far.has_others():
+            self._remote.put()
+            if not self._remote.has_others():
                 break
-        self._far.put_tables(ended=True)
-        self._far.remove_merged()
+        self._remote.put_tables(ended=True)
+        self._remote.remove_merged()
         return overview
 
     def _written_page(self, overview: Overview) -> Path:
-        here = None if self._far else self.out
+        here = None if self._remote else self.out
         return write_text(self.out / INDEX_FILE, overview_page(overview, here))
 
     def files(self) -> list[Path]:
@@ -169,9 +169,9 @@ class BatchIndex:
         return [path for path in paths if path.exists()]
 
     def settle(self, *, at_the_end: bool = False) -> Overview:
-        """Sort the tables, keep the newest row of each map, and count them.
+        """Sort the tables, reduce them to the newest row of each map, and count the rows.
 
-        In the end, rows are dropped whose results were removed, and failures of maps that are gone.
+        At the end, rows of removed results and failures of removed maps are dropped.
         """
         self._written_s = time.monotonic()
         with locked(self.out):
@@ -179,7 +179,7 @@ class BatchIndex:
             return self._write(_merged(*both), self._summary.middle(), at_the_end=at_the_end)
 
     def rebuild(self, rows: Callable[[], Iterable[tuple[LabelledRow, float]]]) -> Overview:
-        """Rewrite the lists from rows sorted by name, each with its time."""
+        """Rewrite the tables from rows sorted by name, each with its time."""
         labels = dict.fromkeys(self._summary.middle())
         while True:
             try:
@@ -189,8 +189,8 @@ class BatchIndex:
                     )
                     newest = _merged(made, _tagged(self._failures, is_row=False))
                     return self._write(newest, tuple(labels), at_the_end=True)
-            except _FurtherLabelError as found:
-                labels |= dict.fromkeys(found.columns)
+            except _FurtherLabelError as error:
+                labels |= dict.fromkeys(error.columns)
 
     def _write(
         self, newest: Iterable[tuple[bool, Row]], middle: Sequence[str], *, at_the_end: bool
@@ -211,28 +211,28 @@ class BatchIndex:
         return overview
 
     def _stays(self, row: Row, *, is_row: bool) -> bool:
-        """Whether a row is still true; notes whether its map is in the input."""
-        given = self._input is not None and _is_in(self._input, row["name"])
-        if self._far is not None or is_address(row["map"]):  # asking for each takes long
-            given = given or self._input is None
+        """Whether a row is still valid; sets its column ``in_input``."""
+        is_input = self._input is not None and _is_in(self._input, row["name"])
+        if self._remote is not None or is_address(row["map"]):  # a request per map would be slow
+            is_input = is_input or self._input is None
             if is_row:
-                row["in_input"] = "yes" if given else "no"
-            return is_row or given or is_there(row["map"])
-        exists = given or Path(row["map"]).exists()
+                row["in_input"] = "yes" if is_input else "no"
+            return is_row or is_input or is_there(row["map"])
+        exists = is_input or Path(row["map"]).exists()
         if not is_row:
             return exists
         row["in_input"] = "yes" if exists else "no"
-        return given or detail_path(self.out / row["name"], MANIFEST_FILE).exists()
+        return is_input or detail_path(self.out / row["name"], MANIFEST_FILE).exists()
 
 
 @contextmanager
 def index_of(out: Path, names: Iterable[str] | None = None) -> Iterator[BatchIndex]:
-    """The lists of a folder, wherever it is; those of a far one in a local folder meanwhile."""
+    """The index of a local folder, or of a remote one through a local copy."""
     if not is_address(out):
         yield BatchIndex(out, names)
         return
-    with remote_index(out, LISTS, (SUMMARY_FILE, FAILURE_FILE)) as far:
-        yield BatchIndex(far.here, names, far)
+    with remote_index(out, LISTS, (SUMMARY_FILE, FAILURE_FILE)) as remote:
+        yield BatchIndex(remote.here, names, remote)
 
 
 class _FurtherLabelError(Exception):
@@ -246,7 +246,7 @@ class _FurtherLabelError(Exception):
 def _of_labels(
     rows: Iterable[tuple[LabelledRow, float]], columns: Iterable[str]
 ) -> Iterator[tuple[LabelledRow, float]]:
-    """The rows, as long as all of their labels have a column."""
+    """The rows; raises :class:`_FurtherLabelError` at the first label without a column."""
     known = set(columns)
     for row, when in rows:
         if not known.issuperset(_area_columns(row)):
@@ -255,12 +255,12 @@ def _of_labels(
 
 
 def summary_row(row: LabelledRow, when: float | None = None) -> Row:
-    """The row of the table.
+    """A row of the summary table.
 
     Columns: ``name``, ``map``, ``method``, ``places``, ``connections``, ``area_m2``, the area of
-    each label, ``doubt`` (share of the area that is expected to be labelled wrongly),
-    ``doubtful_m2``, ``check_first`` (the place with most of it), ``warnings`` (their number),
-    ``seconds``, ``time`` (UTC), and ``in_input`` (``no`` where the map is gone).
+    each label, ``doubt`` (expected share of wrongly labelled area), ``doubtful_m2``,
+    ``check_first`` (the place with most of this area), ``warnings`` (their number), ``seconds``,
+    ``time`` (UTC), and ``in_input`` (``no`` if the map was removed from the input).
     """
     known = row.doubt is not None
     return {
@@ -287,12 +287,12 @@ def _area_columns(row: LabelledRow) -> tuple[str, ...]:
 
 def _time(when: float | None) -> str:
     moment = datetime.now(UTC) if when is None else datetime.fromtimestamp(when, UTC)
-    # Small maps fail and are labelled within a second: what came later must show.
+    # A small map can fail and be labelled within the same second; the order must be visible.
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _tagged(table: AppendOnlyCsv, *, is_row: bool) -> Iterator[tuple[bool, Row]]:
-    """The rows of a table, sorted: most are already, and only the others are held in memory."""
+    """The rows of a table, sorted; only rows out of order are held in memory."""
     last: tuple[str, ...] = ()
     n_sorted, others = 0, list[tuple[bool, Row]]()
     for row in table.rows():
@@ -307,11 +307,7 @@ def _tagged(table: AppendOnlyCsv, *, is_row: bool) -> Iterator[tuple[bool, Row]]
 
 
 def _merged(*tables: Iterable[tuple[bool, Row]]) -> Iterator[tuple[bool, Row]]:
-    """Of the rows of each map the newest.
-
-    Of two of one millisecond, that of results, which are there, rather than a failure; else the one
-    that was appended later.
-    """
+    """The newest row of each map; at equal times results before failures, then the later row."""
     for _, rows in groupby(heapq.merge(*tables, key=_key), key=_key):
         *earlier, newest = rows
         for row in reversed(earlier):
@@ -325,17 +321,17 @@ def _key(tagged: tuple[bool, Row]) -> tuple[str, ...]:
 
 
 def _content(row: Row) -> tuple[str, ...]:
-    """What a row says, but not when."""
+    """The values of a row that do not depend on the time of the run."""
     return tuple(value for name, value in row.items() if name not in ("time", "in_input") and value)
 
 
-def _sorted_hashes(items: Iterable[object]) -> NDArray[np.int64]:
-    """Eight bytes for each item, where a set of the items would take hundreds."""
-    return np.sort(np.fromiter(map(hash, items), np.int64))
+def _sorted_hashes(keys: Iterable[object]) -> NDArray[np.int64]:
+    """Sorted hashes, a compact set: eight bytes per key instead of hundreds."""
+    return np.sort(np.fromiter(map(hash, keys), np.int64))
 
 
-def _is_in(hashes: NDArray[np.int64], item: object) -> bool:
-    wanted = hash(item)
+def _is_in(hashes: NDArray[np.int64], key: object) -> bool:
+    wanted = hash(key)
     at = int(np.searchsorted(hashes, wanted))
     return at < len(hashes) and int(hashes[at]) == wanted
 

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster that runs already."""
+"""Workers of a running Dask cluster."""
 
 import logging
 import queue
@@ -18,30 +18,30 @@ from pgm_places.errors import InputError, OutputError
 Task = TypeVar("Task")
 
 _AHEAD = 4
-"""Tasks under way per thread of the cluster: enough to keep it busy, few enough to forget."""
+"""Submitted tasks per thread of the cluster: enough to keep it busy, few enough to lose."""
 
 _JUDGED_AT_ONCE = 16
-"""Threads that judge results: each judgement looks for files."""
+"""Threads that check results; each check looks for files."""
 
-_ASK_AGAIN_S = 1.0
-"""How old the number of threads may be: workers come and go while tasks run for minutes."""
+_QUERY_INTERVAL_S = 1.0
+"""Seconds between queries of the cluster's workers, which join and leave during a batch."""
 
 
 @dataclass(frozen=True)
 class DaskWorkers:
-    """A Dask cluster, by the address of its scheduler.
+    """A Dask cluster.
 
-    Its workers have this package installed, in this version, and see the maps, the model and the
-    folder of the results under the same paths.
+    Its workers need this version of the package, and the maps, the model and the output folder
+    under the same paths.
 
     Parameters
     ----------
     address : str
-        Such as ``tcp://192.168.0.7:8786``.
+        Address of the scheduler, such as ``tcp://192.168.0.7:8786``.
     memory_bytes : int, optional
-        What each task may take; it is done in a process beside the worker, which has this limit.
+        Memory limit of each task, which then runs in a subprocess of the worker.
     patience_s : float
-        How long to wait for the scheduler and for a first worker.
+        Timeout for the scheduler and for a first worker (s).
     """
 
     address: str
@@ -56,23 +56,23 @@ class DaskWorkers:
         limit_s: float | None = None,
         judge: Judge | None = None,
     ) -> Iterator[tuple[Any, Any]]:
-        """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
+        """Run tasks: see :class:`pgm_places.batch.local_workers.Workers`."""
         memory = self.memory_bytes
         if limit_s is not None or memory is not None:
             function = partial(run_in_subprocess, function, limit_s=limit_s, memory_bytes=memory)
         with (
             self._client() as (distributed, client),
-            closing(_UnderWay(client, function, iter(tasks), judge)) as under_way,
+            closing(_Submissions(client, function, iter(tasks), judge)) as submissions,
         ):
-            for task, ended in under_way.ended():
+            for task, ended in submissions.ended():
                 yield task, _result(distributed, ended, self.address)
 
     @contextmanager
     def _client(self) -> Iterator[tuple[Any, Any]]:
         distributed = needed("distributed", extra="dask", purpose="--scheduler")
-        # What ends a batch is said in one line, to which Dask would add tracebacks. It goes on
-        # logging while its threads end, after the client is closed, so this stays.
-        for name in ("distributed", "distributed.client", "tornado"):  # those it gives levels
+        # Errors are reported in one line, to which Dask would add tracebacks. Its threads log after
+        # the client is closed, too, so the levels are not restored.
+        for name in ("distributed", "distributed.client", "tornado"):  # loggers with own levels
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             client = distributed.Client(self.address, timeout=self.patience_s, set_as_default=False)
@@ -93,25 +93,15 @@ class DaskWorkers:
 
 
 _MOST_FAULTS = 3
-"""Consecutive failures, on tasks that others have done, after which a worker is left out."""
+"""Consecutive failures on tasks that other workers completed, before a worker is excluded."""
 
 _MOST_TRIES = 3
-"""Workers that a task is tried on before the task itself is at fault."""
+"""Workers to try a task on before the task itself counts as failed."""
 
 
 @dataclass
-class _Sent:
-    """A task that the cluster has, or had on some workers before.
-
-    Parameters
-    ----------
-    task : object
-    future : distributed.Future
-    tried : dict of str to object
-        Workers whose fault the result was, with the result.
-    only : frozenset of str
-        The workers that may do it; all, if it is empty.
-    """
+class _SubmittedTask:
+    """A task on the cluster: ``tried`` maps faulty workers to results, ``only`` limits workers."""
 
     task: Any
     future: Any = None
@@ -121,7 +111,7 @@ class _Sent:
 
 @dataclass(frozen=True)
 class _Ended:
-    """What a worker returned or raised, and whether that is its fault."""
+    """The result or error of a worker, and the worker's fault if there is one."""
 
     worker: str
     result: Any
@@ -129,12 +119,8 @@ class _Ended:
     fault: Fault | None = None
 
 
-class _UnderWay:
-    """The tasks that the cluster has: some for each of its threads, however many it has by now.
-
-    A task whose result is the fault of a worker goes to another one. A worker that fails several
-    times in a row on what others can do gets no more tasks.
-    """
+class _Submissions:
+    """Tasks on the cluster, a few per thread; tasks of faulty workers are submitted to others."""
 
     def __init__(
         self,
@@ -145,42 +131,42 @@ class _UnderWay:
     ) -> None:
         self._client, self._tasks, self._judge = client, tasks, judge
         self._function = partial(_on_worker, function)
-        self._sent: dict[str, _Sent] = {}
+        self._sent: dict[str, _SubmittedTask] = {}
         self._ended: queue.SimpleQueue[tuple[str, _Ended]] = queue.SimpleQueue()
         self._judging = ThreadPoolExecutor(_JUDGED_AT_ONCE)
         self._threads: dict[str, int] = {}
-        self._asked_s = -_ASK_AGAIN_S
+        self._asked_s = -_QUERY_INTERVAL_S
         self._faults: Counter[str] = Counter()
-        self._left_out: set[str] = set()
+        self._excluded: set[str] = set()
 
     def close(self) -> None:
-        """Judge no more results."""
+        """Stop checking results."""
         self._judging.shutdown(wait=False, cancel_futures=True)
 
     def ended(self) -> Iterator[tuple[Any, _Ended]]:
-        """Each task with what became of it; new ones take the places."""
+        """Each task with its outcome, in order of completion; submits further tasks."""
         while True:
-            self._look()
+            self._query_workers()
             self._fill()
             if not self._sent:
                 return
             with suppress(queue.Empty):
-                key, ended = self._ended.get(timeout=_ASK_AGAIN_S)
+                key, ended = self._ended.get(timeout=_QUERY_INTERVAL_S)
                 sent = self._sent.pop(key, None)
                 if sent is not None and not self._tried_elsewhere(sent, ended):
                     yield sent.task, ended
                     sent.future.release()
 
     def _fill(self) -> None:
-        n_threads = sum(n for worker, n in self._threads.items() if worker not in self._left_out)
+        n_threads = sum(n for worker, n in self._threads.items() if worker not in self._excluded)
         room = _AHEAD * max(n_threads, 1) - len(self._sent)
         for _, task in zip(range(room), self._tasks, strict=False):
-            self._send(_Sent(task))
+            self._send(_SubmittedTask(task))
 
-    def _send(self, sent: _Sent) -> None:
-        """Give a task to the workers that are neither left out nor have tried it."""
-        able = self._threads.keys() - self._left_out - sent.tried.keys()
-        sent.only = frozenset(able) if self._left_out or sent.tried else frozenset()
+    def _send(self, sent: _SubmittedTask) -> None:
+        """Submit a task to workers that are not excluded and have not tried it."""
+        able = self._threads.keys() - self._excluded - sent.tried.keys()
+        sent.only = frozenset(able) if self._excluded or sent.tried else frozenset()
         sent.future = self._client.submit(
             self._function, sent.task, pure=False, workers=sorted(sent.only) or None
         )
@@ -197,44 +183,44 @@ class _UnderWay:
             if self._judge is not None:
                 what = ended.result if ended.error is None else ended.error
                 ended = replace(ended, fault=self._judge.fault(task, what, ended.worker))
-        except BaseException as error:  # noqa: BLE001  it is raised where the results are read
+        except BaseException as error:  # noqa: BLE001  raised again by _result
             ended = _Ended("", None, error)
         self._ended.put((future.key, ended))
 
-    def _tried_elsewhere(self, sent: _Sent, ended: _Ended) -> bool:
-        """Whether a task goes to another worker, because this one was at fault."""
+    def _tried_elsewhere(self, sent: _SubmittedTask, ended: _Ended) -> bool:
+        """Submit a task of a faulty worker to another one; whether that was done."""
         if ended.fault is None:
             if ended.worker:
                 self._faults[ended.worker] = 0
                 for worker, result in sent.tried.items():
                     self._faults[worker] += 1
                     if self._faults[worker] >= _MOST_FAULTS:
-                        self._leave_out(worker, result)
+                        self._exclude(worker, result)
             return False
         sent.tried[ended.worker] = ended.fault.result
         if ended.fault.is_certain:
-            self._leave_out(ended.worker, ended.fault.result)
-        is_tried_enough = len(sent.tried.keys() - self._left_out) >= _MOST_TRIES
-        if is_tried_enough or not self._threads.keys() - self._left_out - sent.tried.keys():
+            self._exclude(ended.worker, ended.fault.result)
+        is_tried_enough = len(sent.tried.keys() - self._excluded) >= _MOST_TRIES
+        if is_tried_enough or not self._threads.keys() - self._excluded - sent.tried.keys():
             return False
         self._send(sent)
         return True
 
-    def _leave_out(self, worker: str, result: object) -> None:
-        """Give a worker no more tasks, unless it is the last one."""
-        if self._threads.keys() - self._left_out - {worker} and worker not in self._left_out:
-            self._left_out.add(worker)
+    def _exclude(self, worker: str, result: object) -> None:
+        """Exclude a worker from further tasks, unless it is the last one."""
+        if self._threads.keys() - self._excluded - {worker} and worker not in self._excluded:
+            self._excluded.add(worker)
             if self._judge is not None:
                 self._judge.left_out(worker, result)
 
-    def _look(self) -> None:
-        """Ask which workers there are; tasks whose workers are gone are given to others."""
-        if time.monotonic() - self._asked_s < _ASK_AGAIN_S:
+    def _query_workers(self) -> None:
+        """Query the cluster's workers; tasks of lost workers are submitted to others."""
+        if time.monotonic() - self._asked_s < _QUERY_INTERVAL_S:
             return
-        with suppress(OSError, TimeoutError):  # what became of a lost scheduler, futures tell
+        with suppress(OSError, TimeoutError):  # a lost scheduler is reported by the futures
             self._threads = dict(self._client.nthreads())
-            if not self._threads.keys() - self._left_out:
-                self._left_out.clear()
+            if not self._threads.keys() - self._excluded:
+                self._excluded.clear()
             for key, sent in list(self._sent.items()):
                 if sent.only and not sent.only & self._threads.keys():
                     del self._sent[key]
@@ -246,18 +232,18 @@ class _UnderWay:
 def _on_worker(
     function: Callable[[Any], Any], task: object
 ) -> tuple[str, Any, BaseException | None]:
-    """The address of the worker, and what the function returned or raised."""
+    """The address of the worker, and the function's result and error."""
     from distributed import get_worker
 
     worker = str(get_worker().address)
     try:
         return worker, function(task), None
-    except Exception as error:  # noqa: BLE001  it is judged where the results are read
+    except Exception as error:  # noqa: BLE001  judged by the client
         return worker, None, error
 
 
 def _result(distributed: Any, ended: _Ended, address: str) -> Any:
-    """What the task returned; None where Dask gave it up because its workers died."""
+    """The result of a task; None if Dask gave it up because its workers died."""
     if ended.fault is not None and not isinstance(ended.fault.result, BaseException):
         return ended.fault.result
     error = ended.error if ended.fault is None else ended.fault.result
@@ -267,7 +253,7 @@ def _result(distributed: Any, ended: _Ended, address: str) -> Any:
         return None
     if isinstance(error, CancelledError):
         raise OutputError(
-            f"the Dask scheduler at {address} is gone; what is done is kept, so start it and run "
-            "the same command again"
+            f"lost the Dask scheduler at {address}; restart it and repeat the command: finished "
+            "maps will be skipped"
         ) from None
     raise error

@@ -1,4 +1,4 @@
-"""The maps that arguments name (files, folders to look through, patterns), and shares of them."""
+"""Finding the maps of file, folder and pattern arguments; shards of them."""
 
 import glob
 import hashlib
@@ -20,12 +20,12 @@ _HEAD = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class FoundMap:
-    """A map to label; there may be a million, so it holds its path as text.
+    """A map to label; its path is text, which is smaller, because there may be a million maps.
 
     Parameters
     ----------
     name : str
-        Its folder among the results: its path below the root, with slashes and without ``.yaml``.
+        Its output folder: its path below the root, with slashes and without ``.yaml``.
     file : str
         Its YAML file, absolute.
     """
@@ -41,16 +41,16 @@ class FoundMap:
 
 @dataclass(frozen=True)
 class FoundMaps:
-    """The maps of some arguments.
+    """The maps of a command line.
 
     Parameters
     ----------
     maps : tuple of FoundMap
-        By name.
+        Sorted by name.
     n_passed_over : int
-        How many YAML files were passed over because they describe no map.
+        Number of skipped YAML files that describe no map.
     root : Path
-        The folder that their names start from, absolute.
+        Absolute folder that the names are relative to.
     """
 
     maps: tuple[FoundMap, ...]
@@ -59,7 +59,7 @@ class FoundMaps:
 
 
 def names_many(argument: str) -> bool:
-    """Whether an argument is a folder or a pattern, and no single file."""
+    """Whether an argument is a folder or a pattern rather than a single file."""
     if is_address(argument):
         return glob.has_magic(argument) or RemoteFolder.at(argument, MapError).is_folder()
     path = user_path(argument, MapError)
@@ -69,51 +69,52 @@ def names_many(argument: str) -> bool:
 def find_maps(
     arguments: Sequence[str], out: Path | None = None, *, root: Path | None = None
 ) -> FoundMaps:
-    """The maps that arguments name, each once.
+    """Find the maps of arguments, without duplicates.
 
-    A file is taken as it is. In a folder, and for a pattern (``floors/*/map.yaml``, ``**`` for any
-    depth), every YAML file with a key ``image`` is a map, except in hidden folders and below
-    ``out``. A map is called by its path below the root, so that no other map changes its name.
+    Files are used directly, whatever their name. In a folder, and for a pattern
+    (``floors/*/map.yaml``, ``**`` for any depth), every YAML file with a key ``image`` is a map,
+    except in hidden folders and below ``out``. A map's name is its path below the root, so it does
+    not depend on other maps.
 
     Parameters
     ----------
     arguments : sequence of str
     out : Path, optional
-        Where the results are.
+        The output folder.
     root : Path, optional
-        The folder that names start from; by default the deepest one that holds all arguments.
+        The folder that names are relative to; by default the deepest one above all arguments.
 
     Raises
     ------
     MapError
-        A folder or a pattern holds no map, or a map lies outside the root.
+        A folder or a pattern has no map, or a map is outside the root.
     """
     many = {argument: names_many(argument) for argument in arguments}
     if root is None:
         root = _common([_base(argument, many=many[argument]) for argument in arguments])
-    found: dict[str, None] = {}
+    files: dict[str, None] = {}
     n_passed_over = 0
     for argument in arguments:
         listed = _listed(argument, _normal(out) if out else None) if many[argument] else None
         if listed is None:
             path = Path(argument) if is_address(argument) else user_path(argument, MapError)
-            found[str(path if is_address(path) else path.absolute())] = None
+            files[str(path if is_address(path) else path.absolute())] = None
             continue
-        far = RemoteFolder.at(argument, MapError) if is_address(argument) else None
-        are_maps = (map if far is None else far.at_once)(_describes_map, listed)
+        remote = RemoteFolder.at(argument, MapError) if is_address(argument) else None
+        are_maps = (map if remote is None else remote.at_once)(_describes_map, listed)
         maps = [file for file, is_map in zip(listed, are_maps, strict=True) if is_map]
         if not maps:
             raise MapError(
-                f"{argument}: no map in it: none of {len(listed)} YAML files has a key 'image'"
+                f"{argument}: no map found: none of {len(listed)} YAML files has a key 'image'"
             )
         n_passed_over += len(listed) - len(maps)
-        found |= dict.fromkeys(maps)
-    named = [FoundMap(_name(Path(file), root), file) for file in found]
-    return FoundMaps(tuple(sorted(named, key=lambda item: item.name)), n_passed_over, root)
+        files |= dict.fromkeys(maps)
+    named = [FoundMap(_name(Path(file), root), file) for file in files]
+    return FoundMaps(tuple(sorted(named, key=lambda entry: entry.name)), n_passed_over, root)
 
 
 def _base(argument: str, *, many: bool) -> Path:
-    """The folder of an argument: itself, that of the file, or what a pattern begins with."""
+    """The folder of an argument: itself, the file's folder, or the start of a pattern."""
     path = Path(argument) if is_address(argument) else _normal(user_path(argument, MapError))
     if not many:
         return path.parent
@@ -123,66 +124,58 @@ def _base(argument: str, *, many: bool) -> Path:
 
 
 def _common(bases: Sequence[Path]) -> Path:
-    """The deepest folder that holds all others.
-
-    Raises
-    ------
-    MapError
-        There is none, because addresses of different machines, or files of this one, are among
-        them.
-    """
-    far = [path for path in bases if is_address(path / "any")]  # s3: has lost its slashes
-    root = Path(os.path.commonpath(bases)) if len(far) in (0, len(bases)) else Path()
-    if far and not is_address(root / "any"):
+    """The deepest common folder; an error if there is none, as for different machines."""
+    remote = [path for path in bases if is_address(path / "any")]  # s3: alone is no address
+    root = Path(os.path.commonpath(bases)) if len(remote) in (0, len(bases)) else Path()
+    if remote and not is_address(root / "any"):
         raise MapError(
-            f"{address_of(far[0])}: names start from one folder that holds all maps, and there is "
-            "none; label what lies in different places by itself, into another --out"
+            f"{address_of(remote[0])}: the maps have no common folder; label the maps of each "
+            "machine separately, with another --out"
         )
     return root
 
 
 def _normal(path: Path) -> Path:
-    """The path, absolute and without ``..``; an address as it is."""
+    """The path, absolute and without ``..``; addresses are unchanged."""
     if is_address(path):
         return path
     return Path(os.path.abspath(path))  # noqa: PTH100  Path.absolute keeps '..'
 
 
 def _name(path: Path, root: Path) -> str:
-    """What a map is called; parts that would be hidden have a dash in front."""
+    """The name of a map; hidden path components get a leading dash."""
     try:
         below = _normal(path).relative_to(root)
     except ValueError:
         raise MapError(
-            f"{path}: outside {root}, the folder that the names of earlier results start from; "
-            "use another --out for it"
+            f"{path}: outside {root}, the root folder of the earlier results; use another --out"
         ) from None
-    if below.suffix == ".yaml":  # that of hall.yml stays, for there may be hall.yaml, too
+    if below.suffix == ".yaml":  # .yml is not removed: there may be hall.yml and hall.yaml
         below = below.with_suffix("")
     parts = (f"-{part}" if part.startswith(".") else part for part in below.parts)
     return str(PurePosixPath(*parts))
 
 
 def _listed(argument: str, out: Path | None) -> list[str]:
-    """The YAML files of a folder or a pattern, absolute and sorted, but for those below ``out``."""
+    """The YAML files of a folder or pattern, absolute and sorted, except below ``out``."""
     if is_address(argument):
-        files = map(Path, _listed_far(RemoteFolder.at(argument, MapError)))
+        files = map(Path, _listed_remote(RemoteFolder.at(argument, MapError)))
         return [str(file) for file in files if out not in file.parents]
     path = user_path(argument, MapError)
     if file_kind(path) == "folder":
         below: Iterable[Path] = chain(path.rglob("*.yaml"), path.rglob("*.yml"))
         below = (file for file in below if not _is_hidden(file.relative_to(path)))
     else:
-        # Path.glob takes no absolute patterns. Neither finds hidden folders by a wildcard.
+        # Path.glob rejects absolute patterns. Wildcards of glob skip hidden folders, too.
         below = map(Path, glob.iglob(str(path), recursive=True))  # noqa: PTH207
         below = (file for file in below if file.suffix in (".yaml", ".yml"))
-    # What is no file (a dangling link, a folder) is listed, too, so that it is reported.
-    whole = (file.absolute() for file in below)
-    return sorted({str(file) for file in whole if out not in (file, *file.parents)})
+    # Dangling links and folders are listed, too, so that they are reported.
+    absolute = (file.absolute() for file in below)
+    return sorted({str(file) for file in absolute if out not in (file, *file.parents)})
 
 
-def _listed_far(folder: RemoteFolder) -> list[str]:
-    """The YAML files of a far folder, or that fit a pattern, as addresses."""
+def _listed_remote(folder: RemoteFolder) -> list[str]:
+    """The YAML files of a remote folder or pattern, as addresses."""
     if glob.has_magic(folder.path):
         start = len(folder.address) - len(folder.path)
         files = [Path(folder.address[:start] + name) for name in folder.matching()]
@@ -197,12 +190,12 @@ def _is_hidden(file: Path) -> bool:
 
 
 def _describes_map(file: str) -> bool:
-    """Whether it has a key ``image``; a file that cannot be read counts, so that it is reported."""
+    """Whether a file has a key ``image``; unreadable files count, so that they are reported."""
     path = Path(file)
     if is_address(path):
         try:
             return _DESCRIBES_MAP.search(RemoteFolder.at(path, MapError).head(_HEAD)) is not None
-        except InputError:  # an empty file has no first byte to ask for
+        except InputError:  # an empty file
             return True
     if file_kind(path) != "file":  # a pipe would never end
         return True
@@ -215,12 +208,12 @@ def _describes_map(file: str) -> bool:
 
 @dataclass(frozen=True)
 class Shard:
-    """One of several parts into which names fall by chance, but always alike.
+    """One of several parts of a batch; names are assigned by hash.
 
     Parameters
     ----------
     number, of : int
-        The first is 1.
+        Number of the part, from 1, and the number of parts.
     """
 
     number: int
@@ -228,25 +221,22 @@ class Shard:
 
     @classmethod
     def named(cls, text: str) -> Self:
-        """The part that ``i/n`` names.
+        """Parse ``i/n``.
 
         Raises
         ------
         InputError
-            It is not written like that, or there is no such part.
+            The text has another form, or ``i`` is not between 1 and ``n``.
 
         Examples
         --------
         >>> Shard.named("3/16")
         Shard(number=3, of=16)
         """
-        found = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
-        if found is None or not 1 <= int(found[1]) <= int(found[2]):
-            raise InputError(
-                f"--shard expects i/n, such as 3/16, the first being 1/16 and the last 16/16; "
-                f"got {text!r}"
-            )
-        return cls(int(found[1]), int(found[2]))
+        match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+        if match is None or not 1 <= int(match[1]) <= int(match[2]):
+            raise InputError(f"--shard expects I/N with I from 1 to N, such as 3/16; got {text!r}")
+        return cls(int(match[1]), int(match[2]))
 
     def has(self, name: str) -> bool:
         """Whether a name is in this part."""

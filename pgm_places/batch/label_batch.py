@@ -1,4 +1,4 @@
-"""Labelling many maps: tasks for workers, and the lists of what became of them."""
+"""Labelling a batch of maps: tasks for workers, and the index of their outcomes."""
 
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
@@ -32,38 +32,42 @@ from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Progress, duration
 
 _LOOK_AGAIN_S = 1.0
-"""How often to see whether another batch has finished a map, or has died on it."""
+"""Seconds between checks whether another batch has released a map."""
 
 _MOST_FAILURES = 5
-"""How many failed maps the command names."""
+"""Number of failed maps listed by the command."""
 
 
 @dataclass(frozen=True)
 class LabelledBatch:
-    """What became of many maps.
+    """The result of a batch.
 
     Parameters
     ----------
-    n_labelled, n_kept, n_failed : int
-        Maps that this run labelled, that it found done, and that could not be labelled.
+    n_labelled, n_skipped, n_failed : int
+        Maps labelled by this run, skipped because they were labelled before, and failed.
     overview : Overview
-        Of the whole folder, with what earlier runs and others wrote.
+        Counts of the output folder, including other runs.
     written : tuple of str
-        The files that list all maps.
+        The index files.
     failures : tuple of Failure
-        The first maps that could not be labelled.
+        The first failed maps.
     """
 
     n_labelled: int
-    n_kept: int
+    n_skipped: int
     n_failed: int
     overview: Overview
     written: tuple[str, ...]
     failures: tuple[Failure, ...]
 
     def summary(self) -> str:
-        """One line: how many maps were labelled, had been before, and failed."""
-        counts = {"labelled": self.n_labelled, "done before": self.n_kept, "failed": self.n_failed}
+        """One line with the counts of labelled, skipped and failed maps."""
+        counts = {
+            "labelled": self.n_labelled,
+            "already done": self.n_skipped,
+            "failed": self.n_failed,
+        }
         return _counted(counts)
 
 
@@ -77,11 +81,11 @@ def _counted(counts: Mapping[str, int]) -> str:
 def maps_to_do(
     found: FoundMaps, lists: BatchIndex, *, shard: Shard | None = None, only_failed: bool = False
 ) -> list[FoundMap]:
-    """The maps of a shard, or only those of them that failed last."""
-    maps = [item for item in found.maps if shard is None or shard.has(item.name)]
+    """The maps of a shard; with ``only_failed``, only maps whose last run failed."""
+    maps = [found_map for found_map in found.maps if shard is None or shard.has(found_map.name)]
     if only_failed:
         failed = lists.failed()
-        maps = [item for item in maps if item.name in failed]
+        maps = [found_map for found_map in maps if found_map.name in failed]
     return maps
 
 
@@ -100,8 +104,8 @@ def label_batch(
 ) -> LabelledBatch:
     """Label maps, each into its own folder below ``out``; maps already labelled are skipped.
 
-    Several batches may work on one folder: a map that another one is labelling is left to it, and
-    looked at again when it is done.
+    Several batches may write to one folder: maps claimed by another batch are checked again when
+    it releases them.
 
     Parameters
     ----------
@@ -110,23 +114,23 @@ def label_batch(
     options : LabelOptions
     workers : Workers
     n_threads : int
-        Of each worker.
+        Threads of each worker.
     force : bool
-        Overwrite what is not, or no longer, ours.
+        Overwrite files that pgm-places did not write or that were changed since.
     shard : Shard, optional
         Label only this part of the maps.
     only_failed : bool
-        Label only maps that failed last.
+        Label only maps whose last run failed.
     limit_s : float, optional
-        How long a map may take.
+        Time limit of a map.
     progress : Progress
 
     Raises
     ------
     OutputError
-        The folder cannot be written, or the disk is full. The maps that are done stay.
+        The folder cannot be written, or the disk is full. Finished maps are not removed.
     InputError
-        The model is refused, or there are no workers.
+        The model is invalid, or there are no workers.
     """
     sha256 = LoadedModel.load(options).sha256
     tally = _Tally()
@@ -134,30 +138,30 @@ def label_batch(
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
         tally.n_all = len(maps)
         refused = {failure.name: failure for failure in batch_folder.names_in_the_way(found.maps)}
-        for failure in (refused[item.name] for item in maps if item.name in refused):
+        for failure in (refused[found_map.name] for found_map in maps if found_map.name in refused):
             tally.count(failure)
             lists.add(failure)
         target = out if is_address(out) else lists.out
         tasks: Iterable[MapTask] = (
             MapTask(
-                item.name,
-                item.path,
-                target / item.name,
+                found_map.name,
+                found_map.path,
+                target / found_map.name,
                 options,
                 sha256,
                 n_threads,
                 force,
-                None if is_address(out) else batch_folder.claim_of(target, item.name),
+                None if is_address(out) else batch_folder.claim_of(target, found_map.name),
                 limit_s,
             )
-            for item in maps
-            if item.name not in refused
+            for found_map in maps
+            if found_map.name not in refused
         )
         with progress.stage("labelling maps") as stage:
             if is_address(out) or is_address(found.root / "any"):
                 tasks = list(_not_done(tasks, tally, lists))
             outcomes = _outcomes(tasks, workers, tally, limit_s, _Judge(progress))
-            with closing(outcomes):  # workers end at once, on errors too
+            with closing(outcomes):  # stop workers immediately, also on errors
                 for outcome in outcomes:
                     tally.count(outcome)
                     lists.add(outcome)
@@ -166,7 +170,7 @@ def label_batch(
         written = tuple(f"{shown_path(out)}/{path.name}" for path in lists.files())
     return LabelledBatch(
         tally.n_labelled,
-        tally.n_kept,
+        tally.n_skipped,
         tally.n_failed,
         overview,
         written,
@@ -176,21 +180,21 @@ def label_batch(
 
 @contextmanager
 def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[BatchIndex]:
-    """The lists of a folder, which becomes ours, wherever it is."""
-    names = (item.name for item in found.maps)
+    """The index of a local or remote folder, which is claimed by this run."""
+    names = (found_map.name for found_map in found.maps)
     target = out if is_address(out) else claim(out, force=force).absolute()
     batch_folder.write_root(target, found.root)
     with ExitStack() as ends:
         if not is_address(out):
-            batch_folder.tidy_after_the_dead(target)
-            ends.callback(batch_folder.tidy_after_the_dead, target)
+            batch_folder.remove_crash_leftovers(target)
+            ends.callback(batch_folder.remove_crash_leftovers, target)
         lists = ends.enter_context(index_of(target, names))
         lists.begin(force=force)
         yield lists
 
 
 class _Judge:
-    """Tells what a worker of a cluster gets wrong from what is wrong with a map."""
+    """Distinguishes faults of a cluster's worker from faults of a map."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
@@ -205,8 +209,8 @@ class _Judge:
             return Fault(replace(result, message=f"{result.message} ({where})"))
         if isinstance(result, LabelledRow) and not is_visible(task):
             message = (
-                f"{shown_path(task.folder)}: {where} labelled the map, but its result cannot be "
-                "seen here; mount the folder of the results there, too"
+                f"{shown_path(task.folder)}: {where} labelled the map, but its result does not "
+                "exist here; mount the output folder on the worker"
             )
             return Fault(task.failure(OutputError(message)))
         return None
@@ -214,11 +218,11 @@ class _Judge:
     def left_out(self, worker: str, result: Any) -> None:
         """See :class:`pgm_places.batch.local_workers.Judge`."""
         message = result.message if isinstance(result, Failure) else str(result)
-        self._progress.warn(f"worker {worker} gets no more maps in this run: {message}")
+        self._progress.warn(f"worker {worker} is excluded from this run: {message}")
 
 
 def _not_done(tasks: Iterable[MapTask], tally: "_Tally", lists: BatchIndex) -> Iterator[MapTask]:
-    """The tasks whose maps are not done; the rows of the others are listed."""
+    """The tasks of unlabelled maps; adds the rows of labelled ones to the index."""
     for task, row in done_rows(tasks):
         if row is None:
             yield task
@@ -234,7 +238,7 @@ def _outcomes(
     limit_s: float | None,
     judge: _Judge,
 ) -> Generator[LabelledRow | Failure, None, None]:
-    """The outcome of each map; maps that another process is labelling come last."""
+    """The outcome of each map; maps claimed by other processes come last."""
     while True:
         others: list[MapTask] = []
         tally.n_elsewhere = 0
@@ -256,13 +260,13 @@ def _outcome(task: MapTask, result: Outcome | Unfinished | None) -> Outcome:
     if isinstance(result, Unfinished):
         return task.failure(TimeIsUpError())
     if result is None:
-        died = "its worker died each time: probably killed for memory"
+        died = "its worker was killed each time, probably for lack of memory"
         return task.failure(OutputError(f"{died}; use fewer --jobs or a coarser map"))
     return result
 
 
 def _wait_for_one(tasks: Sequence[MapTask]) -> None:
-    """Wait until one of the maps is released by its process."""
+    """Wait until a claim of one of the maps is released."""
     while True:
         for task in tasks:
             with claimed(task.claim) as is_free:
@@ -272,35 +276,35 @@ def _wait_for_one(tasks: Sequence[MapTask]) -> None:
 
 
 class _Tally:
-    """How far a batch is, how fast, and how long it will take."""
+    """Progress of a batch: counts, rate and remaining time."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
-        self.n_all = self.n_labelled = self.n_kept = self.n_failed = self.n_elsewhere = 0
+        self.n_all = self.n_labelled = self.n_skipped = self.n_failed = self.n_elsewhere = 0
         self.failures = list[Failure]()  # the first ones, for the last message
 
     def count(self, outcome: LabelledRow | Failure) -> None:
-        """Take note of a map."""
+        """Count the outcome of a map."""
         if isinstance(outcome, Failure):
             self.n_failed += 1
             self.failures += [outcome] if len(self.failures) < _MOST_FAILURES else []
         else:
-            self.n_kept += outcome.kept
-            self.n_labelled += not outcome.kept
+            self.n_skipped += outcome.skipped
+            self.n_labelled += not outcome.skipped
 
     @property
     def _n_done(self) -> int:
-        return self.n_labelled + self.n_kept + self.n_failed
+        return self.n_labelled + self.n_skipped + self.n_failed
 
     @property
     def share(self) -> float:
-        """Of the maps that are done."""
+        """Share of finished maps."""
         return self._n_done / max(self.n_all, 1)
 
     def note(self) -> str:
-        """Maps, their rate without those that were done before, time left, and failures."""
+        """Finished maps, rate of newly labelled maps, remaining time, and failures."""
         parts = [f"{self._n_done:,} of {self.n_all:,}"]
-        worked = self._n_done - self.n_kept
+        worked = self._n_done - self.n_skipped
         seconds = time.monotonic() - self._start
         if worked and seconds > 0:
             rate = worked / seconds
@@ -313,13 +317,13 @@ class _Tally:
 
 @dataclass(frozen=True)
 class Plan:
-    """Names of maps, by what would become of them.
+    """Names of maps by what a batch would do with them.
 
     Parameters
     ----------
     to_label, again, done, refused : tuple of str
-        Maps to label, those of them that failed last, maps that are done, and maps whose names are
-        in the way of others.
+        Maps to label, those among them whose last run failed, labelled maps, and maps whose names
+        collide.
     """
 
     to_label: tuple[str, ...]
@@ -329,16 +333,16 @@ class Plan:
 
     def summary(self) -> str:
         """One line."""
-        named = {"to label": self.to_label, "done before": self.done, "refused": self.refused}
+        named = {"to label": self.to_label, "already done": self.done, "refused": self.refused}
         counts = {words: len(names) for words, names in named.items()}
         return f"{_counted(counts)}; nothing was written"
 
     def lists(self) -> Iterator[tuple[str, Sequence[str]]]:
-        """What is worth naming, with a title each."""
+        """Titles and names of the non-empty groups, except maps done before."""
         titled = {
             "to label": self.to_label,
-            "of these, failed last time": self.again,
-            "refused for their names": self.refused,
+            "of these, failed before": self.again,
+            "refused because of their names": self.refused,
         }
         yield from ((title, names) for title, names in titled.items() if names)
 
@@ -351,24 +355,24 @@ def plan(
     shard: Shard | None = None,
     only_failed: bool = False,
 ) -> Plan:
-    """What would become of the maps found, or of some of them, wherever they and the results are.
+    """What :func:`label_batch` would do with the maps, without writing anything.
 
     Raises
     ------
     InputError
-        The model is refused.
+        The model is invalid.
     """
     sha256 = LoadedModel.load(options).sha256
     with index_of(out) as lists:
-        lists.take_others()
+        lists.merge_others()
         failed = lists.failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
     in_the_way = {failure.name for failure in batch_folder.names_in_the_way(found.maps)}
-    refused = [item.name for item in maps if item.name in in_the_way]
+    refused = [found_map.name for found_map in maps if found_map.name in in_the_way]
     tasks = (
-        MapTask(item.name, item.path, out / item.name, options, sha256)
-        for item in maps
-        if item.name not in in_the_way
+        MapTask(found_map.name, found_map.path, out / found_map.name, options, sha256)
+        for found_map in maps
+        if found_map.name not in in_the_way
     )
     done: list[str] = []
     to_label: list[str] = []

@@ -1,4 +1,4 @@
-"""Limits of the work on a map: memory, time, and an end with the parent process."""
+"""Limits of a worker: memory, time, and the life of its parent process."""
 
 import ctypes
 import errno
@@ -18,22 +18,22 @@ LEAST_MEMORY = 256 * 1000**2
 
 
 def memory_bytes(text: str) -> int:
-    """The bytes that a text names.
+    """Parse a size.
 
     Raises
     ------
     InputError
-        It is no size, or less than any map needs.
+        The text is not a size, or less than any map needs.
 
     Examples
     --------
     >>> memory_bytes("4GB"), memory_bytes("1.5 GiB")
     (4000000000, 1610612736)
     """
-    found = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]{1,9})?)\s*([kmgt]?)(i?)b?", text.strip().lower())
-    if found is None or (found[3] and not found[2]):
+    match = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]{1,9})?)\s*([kmgt]?)(i?)b?", text.strip().lower())
+    if match is None or (match[3] and not match[2]):
         raise InputError(f"--memory expects a size such as 4GB or 500MiB, got {text!r}")
-    number, unit, binary = found.groups()
+    number, unit, binary = match.groups()
     n_bytes = int(float(number) * (1024 if binary else 1000) ** ["", *"kmgt"].index(unit))
     if n_bytes < LEAST_MEMORY:
         raise InputError(
@@ -43,16 +43,16 @@ def memory_bytes(text: str) -> int:
 
 
 class TimeIsUpError(BaseException):
-    """Raised inside work that has taken too long; nothing that catches errors stops it."""
+    """Raised in work that exceeds its time limit; a BaseException, so that no handler stops it."""
 
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
-    """Raise :class:`TimeIsUpError` in this thread when the block has taken so long.
+    """Raise :class:`TimeIsUpError` in this thread when the block exceeds the time limit.
 
-    It is raised between two steps of Python: a kernel that runs is finished first, unless its
-    process is killed (:mod:`pgm_places.batch.local_workers`). It works in any thread, as a signal
-    would not.
+    It is raised between two Python instructions: a running kernel finishes first, unless its
+    process is killed (:mod:`pgm_places.batch.local_workers`). Unlike a signal, it works in any
+    thread.
     """
     if seconds is None:
         yield
@@ -77,8 +77,8 @@ def time_limit(seconds: float | None) -> Iterator[None]:
 
 
 def start_worker(memory_bytes: int | None) -> None:
-    """Prepare this process: it ends with its parent, and takes no more memory than it may."""
-    # Ctrl-C reaches the whole group of processes; the parent ends its workers itself.
+    """Prepare a worker process: it ends with its parent and has a memory limit."""
+    # Ctrl-C reaches the process group; the parent stops its workers itself.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     gc.set_threshold(100_000, 50, 50)  # as on the command line
@@ -87,7 +87,7 @@ def start_worker(memory_bytes: int | None) -> None:
 
 
 def end_with_parent() -> None:
-    """End this process when the one that started it is gone, however that ended."""
+    """Exit this process when its parent process has ended."""
     parent = os.getppid()
 
     def watch() -> None:
@@ -99,10 +99,9 @@ def end_with_parent() -> None:
 
 
 def limit_memory(n_bytes: int) -> None:
-    """Let allocations fail beyond this many bytes, where the system can do that.
+    """Let allocations beyond ``n_bytes`` fail, where the system supports it.
 
-    Private memory that can be written to is counted, as Linux does for ``RLIMIT_DATA``: address
-    space that libraries reserve and never use is not.
+    Counts private writable memory (Linux: ``RLIMIT_DATA``), not unused reserved address space.
     """
     try:
         import resource
@@ -115,7 +114,7 @@ def limit_memory(n_bytes: int) -> None:
 
 
 def causes_of_system(error: BaseException) -> Iterator[OSError]:
-    """What the system refused, at any step on the way to an error."""
+    """The system errors in the chain of causes of an error."""
     step: BaseException | None = error
     while step is not None:
         if isinstance(step, OSError):
@@ -124,5 +123,5 @@ def causes_of_system(error: BaseException) -> Iterator[OSError]:
 
 
 def is_full(error: BaseException) -> bool:
-    """Whether no space was left."""
-    return any(item.errno in (errno.ENOSPC, errno.EDQUOT) for item in causes_of_system(error))
+    """Whether an error was caused by a full disk or quota."""
+    return any(cause.errno in (errno.ENOSPC, errno.EDQUOT) for cause in causes_of_system(error))

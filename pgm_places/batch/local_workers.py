@@ -25,19 +25,19 @@ class Unfinished(Enum):
 
 
 TIMED_OUT: Literal[Unfinished.TIMED_OUT] = Unfinished.TIMED_OUT
-"""The result of a task that took longer than it may: its process was killed."""
+"""The result of a task that exceeded its time limit; its process was killed."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A result that is the fault of a worker rather than of its task.
+    """A result caused by a worker rather than by its task.
 
     Parameters
     ----------
     result : object
-        What the result becomes where no other worker does better; an exception is raised.
+        The final result if no other worker succeeds; an exception is raised.
     is_certain : bool
-        Whether the worker would do no better with any other task.
+        Whether the worker would fail on every task.
     """
 
     result: Any
@@ -45,14 +45,14 @@ class Fault:
 
 
 class Judge(Protocol):
-    """Tells the faults of workers from those of tasks."""
+    """Distinguishes faults of workers from faults of tasks."""
 
     def fault(self, task: Any, result: Any, worker: str) -> Fault | None:
-        """The worker's fault, if the result or the exception is one; asked in several threads."""
+        """The worker's fault in a result or exception, or None; called from several threads."""
         ...
 
     def left_out(self, worker: str, result: Any) -> None:
-        """Take note that a worker gets no more tasks after this result."""
+        """Report a worker that was excluded after this result."""
         ...
 
 
@@ -67,45 +67,44 @@ class Workers(Protocol):
         limit_s: float | None = None,
         judge: Judge | None = None,
     ) -> Iterator[tuple[Any, Any]]:
-        """Each task with what the function returned, as they come to an end.
+        """Run the tasks; yields each with the function's result, in order of completion.
 
-        The result is None where every worker died on the task, ``TIMED_OUT`` where one was killed
-        because it took too long.
+        The result is None if every worker crashed on the task, ``TIMED_OUT`` if the task exceeded
+        ``limit_s``; its process is killed after a grace period.
 
-        A worker that dies is replaced, and its task begun again, a few times at most. An exception
-        of the function ends everything and is raised here. A task that takes ``limit_s`` and some
-        seconds more is ended with its process, whatever that is doing. Where workers are on several
-        machines, a judge may send tasks from one to another.
+        A crashed worker is replaced and its task repeated a few times. An exception of the function
+        stops all work and is raised here. With workers on several machines, a judge may have tasks
+        repeated on another one.
         """
         ...
 
 
 GRACE_S = 10.0
-"""So long after its limit a process is killed that has not given up its task by itself."""
+"""Seconds after the time limit before the process of an unfinished task is killed."""
 
 _MOST_DEATHS = 3
-"""A task is given up once it has crashed this number of processes."""
+"""Crashed processes after which a task is given up."""
 
 _TAKEN_WITHIN_S = 2.0
-"""A task is handed on within milliseconds; a machine that is slower than this may show an error."""
+"""Timeout for loky to hand a task to its process, which usually takes milliseconds."""
 
 _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 _SAFE_PATH = "PYTHONSAFEPATH"
-"""Unless it is set, a new process looks for every library in the current folder first."""
+"""Unless it is set, a new process searches the current folder first for every import."""
 
 
 class WorkerProcess:
-    """A process of joblib's loky that one thread hands its tasks to; others may end it.
+    """A single process of joblib's loky, used by one thread; other threads may end it.
 
     Parameters
     ----------
     n_threads : int
         Threads that numerical libraries may use.
     memory_bytes : int, optional
-        What it may take.
+        Memory limit.
     idle_s : float, optional
-        It ends when it has had nothing to do for so long; the next task then starts another.
+        Idle time after which the process exits; the next task starts another.
     """
 
     def __init__(
@@ -119,10 +118,9 @@ class WorkerProcess:
     def result(
         self, function: Callable[[Task], Any], task: Task, limit_s: float | None = None
     ) -> Any:
-        """What the function returns; None where too many processes die on the task.
+        """Run a task: its result, None after too many crashes, or ``TIMED_OUT``.
 
-        With a limit, the process is killed some seconds after it, whatever it is doing, and the
-        result is ``TIMED_OUT``.
+        The process is killed :data:`GRACE_S` after the time limit.
         """
         for _ in range(_MOST_DEATHS):
             try:
@@ -135,7 +133,7 @@ class WorkerProcess:
             except BrokenExecutor:
                 self._kill()
             except TimeoutError:
-                if future.done():  # the function itself has raised it
+                if future.done():  # raised by the function
                     raise
                 self._kill()
                 return TIMED_OUT
@@ -150,7 +148,7 @@ class WorkerProcess:
         self._kill(wait=True)
 
     def _submitted(self, function: Callable[[Any], Any], task: Any) -> Any:
-        """The future of a task; None where the process was ended."""
+        """The future of a task; None if the process was ended."""
         with self._lock:
             if self._ended:
                 return None
@@ -175,7 +173,7 @@ class WorkerProcess:
             initargs=(self._memory_bytes,),
             env={
                 **dict.fromkeys(_LIBRARY_THREADS, str(self._n_threads)),
-                # Of this process, which workers would not get from their own start.
+                # Settings of this process, which workers would not inherit.
                 **{key: text for key, text in os.environ.items() if key.startswith("PGM_PLACES_")},
                 _SAFE_PATH: "1",
             },
@@ -183,7 +181,7 @@ class WorkerProcess:
 
 
 _IDLE_S = 60.0
-"""A process beside a worker of others is gone so long after the last task."""
+"""Idle time after which the subprocess of a worker exits."""
 
 _OF_THREAD = threading.local()
 
@@ -195,10 +193,10 @@ def run_in_subprocess(
     limit_s: float | None = None,
     memory_bytes: int | None = None,
 ) -> Any:
-    """What a function makes of a task in a process beside this one, which stays for the next.
+    """Run a task in a subprocess, which is reused by the next task with the same memory limit.
 
-    For workers of others, which are not ours to kill or to limit: ``TIMED_OUT`` where it took too
-    long, None where its process died each time. Each limit of memory has a process of its own.
+    For workers that this package may neither kill nor limit, such as Dask's. The result is
+    ``TIMED_OUT`` after the time limit, None if the subprocess crashed each time.
     """
     processes = _OF_THREAD.__dict__.setdefault("processes", {})
     if memory_bytes not in processes:
@@ -210,7 +208,7 @@ def run_in_subprocess(
 
 @contextmanager
 def _may_have_children() -> Iterator[None]:
-    """Let a daemon start a process: ours end by themselves when their parent does."""
+    """Let a daemon process start a subprocess; ours end by themselves with their parent."""
     config: dict[str, Any] = multiprocessing.current_process()._config  # type: ignore[attr-defined]
     before = config.get("daemon")
     config["daemon"] = False
@@ -221,9 +219,9 @@ def _may_have_children() -> Iterator[None]:
 
 
 def start_trackers() -> None:
-    """Start the processes that remove what dead workers leave behind, unless they run already.
+    """Start the resource trackers, which clean up after crashed workers, unless they are running.
 
-    loky would start them itself, but it gives them no environment of their own.
+    loky would start them itself, but without a safe import path.
     """
     from joblib.externals.loky.backend import resource_tracker
 
@@ -237,7 +235,7 @@ def start_trackers() -> None:
 
 @contextmanager
 def _safe_path() -> Iterator[None]:
-    """While the block lasts, processes that start do not look in the current folder."""
+    """Processes started in the block do not import from the current folder."""
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:
@@ -250,18 +248,17 @@ def _safe_path() -> Iterator[None]:
 
 
 def _wait_until_taken(future: Any) -> None:
-    """Wait until loky has handed a task on: shut down before that, its thread fails on the task."""
-    given_up = time.monotonic() + _TAKEN_WITHIN_S
-    while not (future.running() or future.done()) and time.monotonic() < given_up:
+    """Wait until loky has handed on a task; its thread fails if it is shut down earlier."""
+    deadline = time.monotonic() + _TAKEN_WITHIN_S
+    while not (future.running() or future.done()) and time.monotonic() < deadline:
         time.sleep(0.001)
 
 
 @dataclass(frozen=True)
 class LocalWorkers:
-    """Processes of joblib's loky, restarted where one dies.
+    """Processes of joblib's loky, restarted when they crash.
 
-    Each process is an executor of its own: when it dies, it is known which task it had, and no
-    other task is lost.
+    Each process has its own executor, so a crash affects only one task, which is known.
 
     Parameters
     ----------
@@ -270,7 +267,7 @@ class LocalWorkers:
     n_threads : int
         Threads that numerical libraries may use in each.
     memory_bytes : int, optional
-        What each may take.
+        Memory limit of each.
     """
 
     n_jobs: int
@@ -283,19 +280,19 @@ class LocalWorkers:
         tasks: Iterable[Task],
         *,
         limit_s: float | None = None,
-        judge: Judge | None = None,  # noqa: ARG002  all of them are on one machine
+        judge: Judge | None = None,  # noqa: ARG002  all workers are on one machine
     ) -> Generator[tuple[Any, Any], None, None]:
-        """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
+        """Run tasks: see :class:`pgm_places.batch.local_workers.Workers`."""
         start_trackers()
         lanes = _Dispatcher(self, function, iter(tasks), limit_s)
         with warnings.catch_warnings(), closing(lanes):
-            # loky renews a process that has grown, between two tasks, and warns of it.
+            # loky replaces a process whose memory has grown, between two tasks, with a warning.
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
             yield from lanes.done()
 
 
 class _Dispatcher:
-    """A thread per process, which hands it one task after the other."""
+    """Runs tasks on several processes, each fed by one thread."""
 
     def __init__(
         self,
@@ -316,7 +313,7 @@ class _Dispatcher:
         ]
 
     def done(self) -> Iterator[tuple[Any, Any]]:
-        """The tasks as they end; the first exception is raised."""
+        """The tasks with results, in order of completion; raises the first exception."""
         for thread in self._threads:
             thread.start()
         running = len(self._threads)
@@ -340,12 +337,12 @@ class _Dispatcher:
         try:
             while (task := self._next()) is not self:
                 self._ended.put((task, process.result(self._function, task, self._limit_s)))
-        except BaseException as error:  # noqa: BLE001  it is raised where the results are read
+        except BaseException as error:  # noqa: BLE001  raised again by done()
             self._ended.put(error)
         finally:
             self._ended.put(None)
 
     def _next(self) -> Any:
-        """The next task; this object itself when there is none."""
+        """The next task; this object itself if no task is left."""
         with self._lock:
             return self if self._stopped else next(self._tasks, self)

@@ -1,4 +1,4 @@
-"""The work on one map of a batch, what becomes of it, and the manifest that says what is done."""
+"""Labelling one map of a batch: task, outcome and manifest."""
 
 import json
 import os
@@ -37,31 +37,31 @@ from pgm_places.topology.checks import doubtful_share, places_to_check
 
 @dataclass(frozen=True, kw_only=True)
 class LabelledRow:
-    """A map that is labelled.
+    """A labelled map.
 
     Parameters
     ----------
     name, map : str
-        Its folder among the results, and its YAML file.
-    kept : bool
-        Whether an earlier run had labelled it.
+        Its output folder and its YAML file.
+    skipped : bool
+        Whether it was labelled by an earlier run.
     method : str
     n_places, n_connections : int
         Of the topological map.
     area_m2 : dict of str to float
         Per label.
     doubt : float or None
-        Share of the area that is expected to be labelled wrongly; None if unknown.
+        Expected share of wrongly labelled area; None if unknown.
     check_first : str
-        The place with most uncertain area; empty where nothing is known.
+        The place with most of this area; empty if unknown.
     warnings : tuple of str
     seconds : float
-        Wall clock of the run that labelled it.
+        Elapsed time of the run that labelled it.
     """
 
     name: str
     map: str
-    kept: bool = False
+    skipped: bool = False
     method: str
     n_places: int
     n_connections: int
@@ -78,25 +78,25 @@ class LabelledRow:
 
     @property
     def is_sound(self) -> bool:
-        """Whether every value is of its kind: a manifest may be damaged."""
+        """Whether every value has its type; a manifest may be damaged."""
         numbers = [self.n_places, self.n_connections, self.seconds, *self.area_m2.values()]
         numbers += [] if self.doubt is None else [self.doubt]
         texts = [self.method, self.check_first, *self.area_m2, *self.warnings]
-        return all(isinstance(item, int | float) for item in numbers) and all(
-            isinstance(item, str) for item in texts
+        return all(isinstance(value, int | float) for value in numbers) and all(
+            isinstance(value, str) for value in texts
         )
 
     @property
     def figures(self) -> dict[str, Any]:
-        """What the manifest keeps of it."""
-        left_out = ("name", "map", "kept")
+        """The values stored in the manifest."""
+        left_out = ("name", "map", "skipped")
         return {key: value for key, value in asdict(self).items() if key not in left_out}
 
     @classmethod
     def of_figures(cls, name: str, path: str, figures: dict[str, Any]) -> "LabelledRow":
-        """The row of a map that an earlier run had labelled."""
+        """The row of a map labelled by an earlier run."""
         warnings = tuple(figures.pop("warnings"))
-        return cls(name=name, map=path, kept=True, warnings=warnings, **figures)
+        return cls(name=name, map=path, skipped=True, warnings=warnings, **figures)
 
 
 @dataclass(frozen=True)
@@ -106,13 +106,13 @@ class Failure:
     Parameters
     ----------
     name, map : str
-        Its folder among the results, and its YAML file.
+        Its output folder and its YAML file.
     kind : str
         The class of the error, such as ``MapError``.
     message : str
         One line.
     of_worker : bool
-        Whether it may be the fault of the worker, so that another one could label the map.
+        Whether the worker may be at fault, so that another worker could succeed.
     """
 
     name: str
@@ -124,7 +124,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class ClaimedByOther:
-    """A map that another batch on the same folder is labelling."""
+    """A map that is claimed by another batch with the same output folder."""
 
 
 Outcome = LabelledRow | Failure | ClaimedByOther
@@ -141,7 +141,7 @@ def provenance(
 
     The image's path is relative to the map's folder, so that a collection may be moved.
     """
-    names = folder / NAMES_FILE  # the user's own, which the places are called by
+    names = folder / NAMES_FILE  # the user's names of places
     return {
         "map": sha256_of(yaml_path),
         "image": os.path.relpath(image_path, yaml_path.parent),
@@ -161,7 +161,7 @@ def provenance(
 
 
 def manifest_text(made: Mapping[str, Any], row: LabelledRow, outputs: Outputs) -> str:
-    """The file: what :func:`provenance` says, what came out, and which files were written."""
+    """The manifest: provenance, figures of the result, and requested outputs."""
     record = {
         "format": _FORMAT,
         "schema": _SCHEMA,
@@ -176,10 +176,10 @@ def manifest_text(made: Mapping[str, Any], row: LabelledRow, outputs: Outputs) -
 def done_figures(
     folder: Path, yaml_path: Path, model: LoadedModel, options: LabelOptions
 ) -> dict[str, Any] | None:
-    """What came out when the map was labelled before; None where it has to be labelled (again).
+    """The figures of an up-to-date result; None if the map has to be labelled.
 
-    It is done where the manifest says that it was made from the same map, model, options and
-    version, and where every file that was written then is still there, and all that are wanted.
+    A result is up to date if its manifest has the current provenance and the requested outputs, and
+    if all of its files exist.
     """
     record = manifest_record(folder)
     if record is None:
@@ -191,13 +191,13 @@ def done_figures(
         image_path = yaml_path.parent / made["image"]
         now = provenance(folder, yaml_path, image_path, model, options)
     except (InputError, LookupError, TypeError, ValueError, AttributeError):
-        return None  # damaged, or a map that is gone: labelling it will say what is wrong
+        return None  # a damaged manifest or a missing map, which labelling will report
     same = made == now and not wanted & left_out
     return figures if same and has_all_files(folder) else None
 
 
 def labelled_row(folder: Path, name: str) -> LabelledRow | None:
-    """What a folder's manifest says came out; None where it is no labelled map's, or damaged."""
+    """The row of a folder's manifest; None if the manifest is missing or damaged."""
     record = manifest_record(folder)
     try:
         if record is not None:
@@ -209,13 +209,13 @@ def labelled_row(folder: Path, name: str) -> LabelledRow | None:
 
 
 def warnings_of(folder: Path) -> tuple[str, ...]:
-    """The warnings that came when a map was labelled; none where that is not known any more."""
+    """The warnings of a labelled map; empty if they are unknown."""
     row = labelled_row(folder, "")
     return () if row is None else row.warnings
 
 
 def manifest_record(folder: Path) -> dict[str, Any] | None:
-    """The content of a folder's manifest; None where there is none, or it is no manifest."""
+    """The content of a folder's manifest; None if it is missing or invalid."""
     path = detail_path(folder, MANIFEST_FILE)
     try:
         record = read_json(path, InputError, "a labelled map's manifest", max_bytes=_MAX_BYTES)
@@ -226,36 +226,36 @@ def manifest_record(folder: Path) -> dict[str, Any] | None:
 
 
 class NoSpaceError(OutputError):
-    """The disk or the quota is full: no other map could be written either."""
+    """The disk or the quota is full, so no other map could be written either."""
 
 
 @dataclass(frozen=True)
 class MapTask:
-    """One map to label, complete in itself, so that any process may do it.
+    """One map to label, self-contained, so that any process can run it.
 
     Parameters
     ----------
     name : str
-        For the summary.
+        Name in the summary.
     map, folder : Path
-        The YAML file, and where the results will stand; both absolute.
+        The YAML file and the output folder, both absolute.
     options : LabelOptions
     model_sha256 : str
-        Of the model that is meant, wherever the process finds it.
+        Hash of the model, which every process has to find.
     n_threads : int
     force : bool
-        Overwrite what is not, or no longer, ours.
+        Overwrite files that pgm-places did not write or that were changed since.
     claim : Path, optional
-        The file that stands for the right to label this map.
+        Lock file of the map.
     limit_s : float, optional
-        How long it may take.
+        Time limit.
     source, target : str
-        What the map and the folder of its results are called in lists, results and messages, if not
-        by their paths.
-    only_look : bool
-        Say whether it is done, and leave it to others if not.
+        Names of the map and of the output folder in messages and results, if different from their
+        paths.
+    only_check : bool
+        Only check whether the map is labelled.
     version : str
-        Of the process that made the task.
+        Package version of the process that made the task.
     """
 
     name: str
@@ -269,23 +269,23 @@ class MapTask:
     limit_s: float | None = None
     source: str = ""
     target: str = ""
-    only_look: bool = False
+    only_check: bool = False
     version: str = __version__
 
     @property
     def shown(self) -> str:
-        """What the map is called in lists and messages."""
+        """Name of the map in the index and in messages."""
         return self.source or shown_path(self.map)
 
     def as_called(self, text: str) -> str:
-        """A text with the names that the user knows in place of local paths."""
+        """A text with local paths replaced by the user's names."""
         if self.source:
             text = text.replace(str(self.map), self.source)
             text = text.replace(f"{self.map.parent}/", f"{self.source.rpartition('/')[0]}/")
         return text.replace(str(self.folder), self.target) if self.target else text
 
     def failure(self, error: BaseException, *, of_worker: bool = False) -> Failure:
-        """What the error makes of this map."""
+        """The failure of this map by an error."""
         name = type(error).__name__
         if isinstance(error, PgmPlacesError):
             message = str(error)
@@ -293,7 +293,7 @@ class MapTask:
             message = "out of memory; raise --memory, or use fewer jobs"
         elif isinstance(error, TimeIsUpError):
             name = "TimeLimit"
-            message = f"it took longer than {duration(self.limit_s or 0.0)}; raise --time-limit"
+            message = f"time limit of {duration(self.limit_s or 0.0)} exceeded; raise --time-limit"
         else:
             frame = traceback.extract_tb(error.__traceback__)[-1:]
             where = f" ({Path(frame[0].filename).name}:{frame[0].lineno})" if frame else ""
@@ -303,14 +303,14 @@ class MapTask:
 
 
 def label_one(task: MapTask) -> Outcome:
-    """Label a map, unless it is done; errors are outcomes, too.
+    """Label a map, unless it is labelled; most errors become a :class:`Failure`.
 
     Raises
     ------
     NoSpaceError
-        The disk is full, which is not the map's fault.
+        The disk is full.
     InputError
-        This process runs another version, or finds another model.
+        This process has another version of the package or of the model.
     """
     try:
         model = same_model(task)
@@ -323,7 +323,7 @@ def label_one(task: MapTask) -> Outcome:
             figures = done_figures(task.folder, task.map, model, task.options)
             if figures is not None:
                 return LabelledRow.of_figures(task.name, task.shown, figures)
-            if task.only_look:
+            if task.only_check:
                 return ClaimedByOther()
             with time_limit(task.limit_s):
                 return _labelled(task, model)
@@ -331,29 +331,29 @@ def label_one(task: MapTask) -> Outcome:
         if is_full(error):
             raise NoSpaceError(task.as_called(str(error))) from None
         return task.failure(error, of_worker=any(causes_of_system(error)))
-    except (Exception, TimeIsUpError) as error:  # noqa: BLE001  one bad map must not end a night's work
+    except (Exception, TimeIsUpError) as error:  # noqa: BLE001  one bad map must not stop the batch
         return task.failure(error, of_worker=not os.path.lexists(task.map))
 
 
 def same_model(task: MapTask) -> LoadedModel:
-    """The model of this process, if it gives the labels that the task's maker would get."""
+    """The model of the task; an error if this process has another version of it."""
     if task.version != __version__:
         raise InputError(
-            f"a worker runs pgm-places {__version__}, but the batch was started by "
-            f"{task.version}; install one version everywhere"
+            f"a worker has pgm-places {__version__}, but the batch was started by version "
+            f"{task.version}; install the same version everywhere"
         )
     model = _ready(task.options, task.model_sha256)
     if model.sha256 != task.model_sha256:
         raise InputError(
-            f"{task.options.folder} holds another model on a worker than where the batch was "
-            "started; put the model on a shared disk, and leave it unchanged while the batch runs"
+            f"{task.options.folder}: a worker has another version of this model; put the model on "
+            "a shared disk, and do not change it during the batch"
         )
     return model
 
 
 @lru_cache(maxsize=1)
-def _ready(options: LabelOptions, sha256: str) -> LoadedModel:  # noqa: ARG001  a part of the key
-    """The model, read once per process and content."""
+def _ready(options: LabelOptions, sha256: str) -> LoadedModel:  # noqa: ARG001  a cache key
+    """The model, loaded once per process and content."""
     return LoadedModel.load(options)
 
 

@@ -1,4 +1,4 @@
-"""The overview of all maps of a batch, and its page: sums by folder, a table to sort and search."""
+"""Overview page of a batch: sums by folder, and a table to sort and search."""
 
 import heapq
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from pgm_places.pictures.map_page import PAGE_FILE
 from pgm_places.pictures.page import render
 
 MOST_ROWS = 2000
-"""Maps listed, those with most uncertain area; the table of all is in ``summary.csv``."""
+"""Maps on the page: those with the largest uncertain area; ``summary.csv`` lists all."""
 
 
 @dataclass
@@ -25,7 +25,7 @@ class FolderSums:
     ----------
     n_rows, n_failures, n_places : int
     area_m2, known_m2, doubtful_m2 : float
-        The area of all maps, of those whose uncertainty is known, and the uncertain area.
+        The area of all maps, the area of maps with known uncertainty, and its uncertain part.
     """
 
     n_rows: int = 0
@@ -36,7 +36,7 @@ class FolderSums:
     doubtful_m2: float = 0.0
 
     def count(self, row: Row) -> None:
-        """Take a map into account."""
+        """Add a map."""
         area_m2 = _number(row["area_m2"])
         self.n_rows += 1
         self.n_places += int(_number(row["places"]))
@@ -48,7 +48,7 @@ class FolderSums:
 
 @dataclass
 class Overview:
-    """Sums over all maps, and the rows that the page has room for.
+    """Sums over all maps, and the rows of the page.
 
     Parameters
     ----------
@@ -56,13 +56,13 @@ class Overview:
     total : FolderSums
         Of all maps.
     folders : dict of str to FolderSums
-        Of the maps by the first folder of their names; those in none are under "".
+        By the first folder of the maps' names; "" for maps without a folder.
     n_gone : int
         Labelled maps that are no longer in the input.
     failures : list of Row
-        The first ones.
+        The first failures.
     gone : list of str
-        The first names.
+        The first names of maps that are no longer in the input.
     """
 
     labels: tuple[str, ...]
@@ -74,32 +74,32 @@ class Overview:
     _most: list[tuple[float, int, Row]] = field(default_factory=list)
 
     def count(self, row: Row) -> None:
-        """Take a map into account."""
+        """Add a map."""
         self.total.count(row)
         self._folder(row).count(row)
         if row["in_input"] == "no":
             self.n_gone += 1
             self.gone += [row["name"]] if self.n_gone <= MOST_ROWS else []
-        item = (_number(row["doubtful_m2"]), -self.n_rows, row)
+        entry = (_number(row["doubtful_m2"]), -self.n_rows, row)
         if len(self._most) < MOST_ROWS:
-            heapq.heappush(self._most, item)
+            heapq.heappush(self._most, entry)
         else:
-            heapq.heappushpop(self._most, item)
+            heapq.heappushpop(self._most, entry)
 
     def count_failure(self, row: Row) -> None:
-        """Take a failure into account."""
+        """Add a failure."""
         for sums in (self.total, self._folder(row)):
             sums.n_failures += 1
         self.failures += [row] if self.n_failures <= MOST_ROWS else []
 
     @property
     def n_rows(self) -> int:
-        """Maps that are labelled."""
+        """Number of labelled maps."""
         return self.total.n_rows
 
     @property
     def n_failures(self) -> int:
-        """Maps that could not be labelled."""
+        """Number of failed maps."""
         return self.total.n_failures
 
     def _folder(self, row: Row) -> FolderSums:
@@ -109,12 +109,12 @@ class Overview:
 
     @property
     def rows(self) -> list[Row]:
-        """The maps with most uncertain area, those first; then by name."""
-        return [row for *_, row in sorted(self._most, key=lambda item: (-item[0], -item[1]))]
+        """The listed maps by decreasing uncertain area, then by name."""
+        return [row for *_, row in sorted(self._most, key=lambda entry: (-entry[0], -entry[1]))]
 
 
 def _number(text: str) -> float:
-    """A number of the table; 0 for what is none."""
+    """A number of the table; 0 for other text."""
     try:
         return float(text)
     except ValueError:
@@ -122,13 +122,13 @@ def _number(text: str) -> float:
 
 
 PAGE_MARK = b"<title>Labelled maps</title>"
-"""Stands in every such page, and so tells it from others."""
+"""Identifies pages of this kind."""
 
 
 def overview_page(overview: Overview, out: Path | None) -> str:
-    """The page as text; its pictures are the files below ``out``, beside it.
+    """The page as HTML, with pictures from the result folders below ``out``.
 
-    Where the results are on another machine, ``out`` is None, and they are not looked at.
+    For results on another machine, ``out`` is None and existing files are not checked.
     """
     rows = [
         {
@@ -163,7 +163,7 @@ def overview_page(overview: Overview, out: Path | None) -> str:
 
 
 def _picture(name: str, out: Path | None) -> str:
-    """The link to a map's small picture; empty where it has none."""
+    """The link to a map's thumbnail; empty if it has none."""
     if out is None:
         return f"{quote(name)}/{THUMBNAIL_FILE}"
     path = detail_path(out / name, THUMBNAIL_FILE)
@@ -171,13 +171,13 @@ def _picture(name: str, out: Path | None) -> str:
 
 
 def _page(name: str, out: Path | None) -> str:
-    """The link to a map's page; to its folder where there is none."""
+    """The link to a map's page, or to its folder if it has no page."""
     has_page = out is None or (out / name / PAGE_FILE).exists()
     return f"{quote(name)}/{PAGE_FILE if has_page else ''}"
 
 
 def _figure(text: str, times: float = 1.0) -> str:
-    """A number of the table, a dash for none."""
+    """A number of the table, or a dash."""
     try:
         return f"{times * float(text):.1f}"
     except ValueError:
@@ -185,11 +185,11 @@ def _figure(text: str, times: float = 1.0) -> str:
 
 
 def _folders(overview: Overview) -> list[tuple[str, list[str]]]:
-    """The folders with most uncertain area, each with its figures; none where there is only one."""
+    """The folders with the largest uncertain area and their figures; none for a single folder."""
     if len(overview.folders) < 2:
         return []
     most = heapq.nsmallest(
-        MOST_ROWS, overview.folders.items(), key=lambda item: (-item[1].doubtful_m2, item[0])
+        MOST_ROWS, overview.folders.items(), key=lambda entry: (-entry[1].doubtful_m2, entry[0])
     )
     return [
         (
@@ -208,7 +208,7 @@ def _folders(overview: Overview) -> list[tuple[str, list[str]]]:
 
 
 def _cards(overview: Overview) -> Iterator[tuple[str, str]]:
-    """The figures most readers come for."""
+    """The main figures, with captions."""
     yield f"{overview.n_rows:,}", f"map{'' if overview.n_rows == 1 else 's'} labelled"
     if overview.n_failures:
         yield f"{overview.n_failures:,}", "failed"

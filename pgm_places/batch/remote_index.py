@@ -1,8 +1,8 @@
 """Index of a remote batch folder: a local copy, merged with rows of concurrent runs.
 
-No lock reaches so far. Each run therefore also puts its tables under a name of its own, and merges
-those of the others; only what a later copy contains is removed. Whichever run puts the lists last
-finds the rows of all others, and none is lost.
+Remote folders have no locks. Each run therefore also uploads its tables under a unique name and
+merges the tables of other runs. A table is removed only after a later copy contains its rows, so
+the run that uploads the index last has the rows of all runs.
 """
 
 import os
@@ -19,34 +19,34 @@ from pgm_places.io.remote_files import RemoteFolder, temporary_folder
 _COPIES = ".pgm-places-lists"
 _ENDED = "ended"
 _OLD_S = 86_400.0
-"""A run that has put no table for so long was killed."""
+"""Seconds without an upload after which a run counts as killed."""
 
 
 class RemoteIndex:
-    """The lists of a far folder, and a local folder with them.
+    """The index of a remote folder, with a local copy.
 
     Parameters
     ----------
-    far : RemoteFolder
+    remote : RemoteFolder
     here : Path
         The local folder.
     names, tables : sequence of str
-        The lists; those of them that several runs write rows to.
+        Files of the index; the tables among them, which several runs append to.
     """
 
     def __init__(
-        self, far: RemoteFolder, here: Path, names: Sequence[str], tables: Sequence[str]
+        self, remote: RemoteFolder, here: Path, names: Sequence[str], tables: Sequence[str]
     ) -> None:
-        self._far, self.here, self._names, self._tables = far, here, names, tables
-        self._copies = far.below(_COPIES)
+        self._remote, self.here, self._names, self._tables = remote, here, names, tables
+        self._copies = remote.below(_COPIES)
         self._run = os.urandom(8).hex()
         self._seen: dict[str, str] = {}
-        far.at_once(lambda name: far.fetch(name, here / name), names)
+        remote.at_once(lambda name: remote.fetch(name, here / name), names)
         self._fetched = self._content()
 
     @property
     def is_unchanged(self) -> bool:
-        """Whether the lists are as they were fetched."""
+        """Whether the local files are unchanged since they were fetched."""
         return self._content() == self._fetched
 
     def _content(self) -> dict[str, str]:
@@ -54,7 +54,7 @@ class RemoteIndex:
         return {path.name: sha256_of(path) for path in paths if path.exists()}
 
     def others(self) -> list[Path]:
-        """Local folders with the tables of other runs that are new since the last call."""
+        """Local folders with tables of other runs that changed since the last call."""
         listed = self._listed()
         new = [name for name, state in listed.items() if self._seen.get(name) != state]
         folders: dict[Path, None] = {}
@@ -68,32 +68,32 @@ class RemoteIndex:
         return list(folders)
 
     def has_others(self) -> bool:
-        """Whether other runs have put tables since the last call of ``others``."""
+        """Whether other runs have uploaded tables since the last call of ``others``."""
         return any(self._seen.get(name) != state for name, state in self._listed().items())
 
     def put_tables(self, *, ended: bool, patient: bool = True) -> None:
-        """Put the tables under a name of this run; it is ``ended`` when no rows follow."""
+        """Upload the tables under a name of this run; ``ended`` if no rows will follow."""
         there = [name for name in self._tables if (self.here / name).exists()]
         run = self._copies.below(f"{self._run}.{_ENDED}" if ended else self._run)
         self._put(replace(run, is_patient=patient), there)
         if ended:
             self._remove(self._copies, [f"{self._run}/{name}" for name in self._tables])
 
-    def _put(self, far: RemoteFolder, names: Iterable[str]) -> None:
-        far.at_once(lambda name: far.put(self.here, [name], OutputError), names)
+    def _put(self, remote: RemoteFolder, names: Iterable[str]) -> None:
+        remote.at_once(lambda name: remote.put(self.here, [name], OutputError), names)
 
-    def _remove(self, far: RemoteFolder, names: Iterable[str]) -> None:
-        far.at_once(lambda name: far.remove([name], OutputError), names)
+    def _remove(self, remote: RemoteFolder, names: Iterable[str]) -> None:
+        remote.at_once(lambda name: remote.remove([name], OutputError), names)
 
     def put(self, *, patient: bool = True) -> None:
-        """Put the lists in the place where they are read."""
+        """Upload the index."""
         there = [name for name in self._names if (self.here / name).exists()]
-        self._put(replace(self._far, is_patient=patient), there)
+        self._put(replace(self._remote, is_patient=patient), there)
         if patient:
-            self._remove(self._far, [name for name in self._names if name not in there])
+            self._remove(self._remote, [name for name in self._names if name not in there])
 
     def remove_merged(self) -> None:
-        """Remove tables of others that these contain, once these have been put: of ended runs."""
+        """After an upload, remove the merged tables of ended or killed runs."""
 
         def remove(name: str) -> None:
             run, now = name.partition("/")[0], time.time()
@@ -103,7 +103,7 @@ class RemoteIndex:
         self._copies.at_once(remove, self._seen)
 
     def _listed(self) -> dict[str, str]:
-        """The tables of other runs, each with what tells its versions apart."""
+        """The tables of other runs, each with a version stamp."""
         return {
             name: state
             for name, state in self._copies.states().items()
@@ -113,6 +113,6 @@ class RemoteIndex:
 
 @contextmanager
 def remote_index(out: Path, names: Sequence[str], tables: Sequence[str]) -> Iterator[RemoteIndex]:
-    """The lists of a far folder in a local one, which is gone when the block ends."""
+    """The index of a remote folder, with a local copy that is removed after the block."""
     with temporary_folder() as here:
         yield RemoteIndex(RemoteFolder.at(out, OutputError), here, names, tables)

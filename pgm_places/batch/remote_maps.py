@@ -29,30 +29,30 @@ from pgm_places.io.remote_files import RemoteFolder, address_of, is_there, tempo
 from pgm_places.io.strict_yaml import read_yaml
 
 _MANIFESTS = (MANIFEST_FILE, PurePosixPath(MANIFEST_FILE).name)
-"""The manifest, and where earlier versions left it."""
+"""The manifest, and its path in earlier versions."""
 
-_LOOKED_AT = (*_MANIFESTS, RECORD_FILE, NAMES_FILE)
-"""The files of a result that say whether it is done."""
+_CHECK_FILES = (*_MANIFESTS, RECORD_FILE, NAMES_FILE)
+"""Files needed to check whether a map is labelled."""
 
 
 def label_anywhere(task: MapTask) -> Outcome:
-    """What :func:`~pgm_places.batch.map_task.label_one` does, also behind addresses.
+    """:func:`~pgm_places.batch.map_task.label_one` for local paths and addresses.
 
-    The manifest is removed before, and written after, all other files of a result, and the record
-    of files is written first: whatever ends the run, a result that is not complete does not count
-    as done, but as ours.
+    The manifest is removed before all other files and written after them, and the record of files
+    is written first. An incomplete result therefore counts as not labelled, and as written by this
+    package.
 
     Raises
     ------
     NoSpaceError, InputError
-        As ``label_one``.
+        See :func:`~pgm_places.batch.map_task.label_one`.
     """
     if not is_address(task.map) and not is_address(task.folder):
         return label_one(task)
     try:
         with temporary_folder() as here:
-            return _label_far(task, here)
-    except _FarError as error:
+            return _label_remote(task, here)
+    except _TransferError as error:
         if is_full(error.reason):
             raise _no_space() from None
         return task.failure(error.reason, of_worker=True)
@@ -65,11 +65,11 @@ def _no_space() -> NoSpaceError:
 
 
 _VISIBLE_WITHIN_S = (0.0, 0.1, 0.4, 1.5)
-"""A network file system shows a file of another machine after some time."""
+"""Waiting times (s); a network file system shows another machine's files with a delay."""
 
 
 def is_visible(task: MapTask) -> bool:
-    """Whether this process sees the result of a map that another one has labelled."""
+    """Whether the result of a map labelled by another process exists here."""
     for wait_s in _VISIBLE_WITHIN_S:
         time.sleep(wait_s)
         if any(is_there(task.folder / name) for name in _MANIFESTS):
@@ -77,43 +77,42 @@ def is_visible(task: MapTask) -> bool:
     return False
 
 
-_LOOKED_AT_ONCE = 2_000
-"""Maps whose results are listed, folder by folder, before they are looked at."""
+_CHECKED_AT_ONCE = 2_000
+"""Maps whose results are listed at once, folder by folder, before they are checked."""
 
 
 def done_rows(tasks: Iterable[MapTask]) -> Iterator[tuple[MapTask, LabelledRow | None]]:
-    """The tasks, each with its row if its map is labelled as wanted; nothing is written.
+    """The tasks, each with its row if its map is labelled and up to date; writes nothing.
 
-    Wherever the maps and the results are: far results are listed by folder, and what has to be
-    compared is fetched with many requests at once.
+    Remote results are listed by folder, and the files to compare are fetched concurrently.
     """
-    waiting = iter(tasks)
-    while some := list(islice(waiting, _LOOKED_AT_ONCE)):
-        far = next((RemoteFolder.at(path) for path in _far_paths(some)), None)
-        if far is None:
-            yield from ((task, _row(label_one(_only_looking(task)))) for task in some)
+    remaining = iter(tasks)
+    while group := list(islice(remaining, _CHECKED_AT_ONCE)):
+        remote = next((RemoteFolder.at(path) for path in _remote_paths(group)), None)
+        if remote is None:
+            yield from ((task, _row(label_one(_check_task(task)))) for task in group)
             continue
-        folders = {task.folder.parent for task in some if is_address(task.folder)}
-        outer = sorted(item for item in folders if folders.isdisjoint(item.parents))
-        names: dict[str, list[str]] = {str(task.folder): [] for task in some}
-        for folder, below in zip(outer, far.at_once(_names_below, outer), strict=True):
+        folders = {task.folder.parent for task in group if is_address(task.folder)}
+        outer = sorted(folder_ for folder_ in folders if folders.isdisjoint(folder_.parents))
+        names: dict[str, list[str]] = {str(task.folder): [] for task in group}
+        for folder, below in zip(outer, remote.at_once(_names_below, outer), strict=True):
             for name in below:
                 result = f"{folder}/{name}"
                 while len(result) > len(str(folder)) and result not in names:
                     result = result.rpartition("/")[0]
                 if result in names:
                     names[result].append(f"{folder}/{name}"[len(result) + 1 :])
-        same_model(some[0])  # read once, not by each of the threads
+        same_model(group[0])  # loads the model once, before the threads start
         with temporary_folder() as here:
-            looks = [
-                partial(_looked_at, task, names[str(task.folder)], here / str(number))
-                for number, task in enumerate(some)
+            checks = [
+                partial(_checked, task, names[str(task.folder)], here / str(number))
+                for number, task in enumerate(group)
             ]
-            outcomes = far.at_once(lambda look: look(), looks)
-        yield from zip(some, map(_row, outcomes), strict=True)
+            outcomes = remote.at_once(lambda check: check(), checks)
+        yield from zip(group, map(_row, outcomes), strict=True)
 
 
-def _far_paths(tasks: Iterable[MapTask]) -> Iterator[Path]:
+def _remote_paths(tasks: Iterable[MapTask]) -> Iterator[Path]:
     yield from (path for task in tasks for path in (task.folder, task.map) if is_address(path))
 
 
@@ -121,109 +120,109 @@ def _names_below(folder: Path) -> list[str]:
     return RemoteFolder.at(folder).names()
 
 
-def _only_looking(task: MapTask) -> MapTask:
-    return replace(task, only_look=True, claim=None, limit_s=None)
+def _check_task(task: MapTask) -> MapTask:
+    return replace(task, only_check=True, claim=None, limit_s=None)
 
 
 def _row(outcome: Outcome) -> LabelledRow | None:
     return outcome if isinstance(outcome, LabelledRow) else None
 
 
-def _looked_at(task: MapTask, names: Collection[str], here: Path) -> Outcome:
-    """Whether a map is done, of whose far result the files are listed."""
-    near = replace(_only_looking(task), source=task.shown)
+def _checked(task: MapTask, names: Collection[str], here: Path) -> Outcome:
+    """The outcome of checking a map, given the file names of its remote result."""
+    local = replace(_check_task(task), source=task.shown)
     try:
         if is_address(task.folder):
             if not set(_MANIFESTS).intersection(names):
                 return ClaimedByOther()
-            near = replace(near, folder=here / "result")
-            with _between_machines():
-                _look_at(RemoteFolder.at(task.folder), near.folder, names)
+            local = replace(local, folder=here / "result")
+            with _as_transfer_errors():
+                _fetch_check_files(RemoteFolder.at(task.folder), local.folder, names)
         elif not any((task.folder / name).exists() for name in _MANIFESTS):
             return ClaimedByOther()
         if is_address(task.map):
-            near = replace(near, map=here / "map" / task.map.name)
-            _fetch_map(task, near.map)
-        return label_one(near)
-    except _FarError as error:
+            local = replace(local, map=here / "map" / task.map.name)
+            _fetch_map(task, local.map)
+        return label_one(local)
+    except _TransferError as error:
         return task.failure(error.reason)
     finally:
         shutil.rmtree(here, ignore_errors=True)
 
 
-class _FarError(Exception):
-    """Something could not be fetched or put."""
+class _TransferError(Exception):
+    """A file could not be fetched or uploaded."""
 
     def __init__(self, reason: Exception) -> None:
         super().__init__()
         self.reason = reason
 
 
-class _NotAMapError(_FarError):
-    """What was fetched is no map."""
+class _NotAMapError(_TransferError):
+    """The fetched file is not a map."""
 
 
 @contextmanager
-def _between_machines() -> Iterator[None]:
+def _as_transfer_errors() -> Iterator[None]:
     try:
         yield
-    except Exception as error:  # one bad map must not end a night's work
-        raise _FarError(error) from error
+    except Exception as error:  # one bad map must not stop the batch
+        raise _TransferError(error) from error
 
 
-def _label_far(task: MapTask, here: Path) -> Outcome:
-    near = replace(task, claim=None, source=task.shown)
+def _label_remote(task: MapTask, here: Path) -> Outcome:
+    local = replace(task, claim=None, source=task.shown)
     if is_address(task.map):
-        near = replace(near, map=here / "map" / task.map.name)
+        local = replace(local, map=here / "map" / task.map.name)
         try:
-            _fetch_map(task, near.map)
+            _fetch_map(task, local.map)
         except _NotAMapError as error:
-            return near.failure(error.reason)
+            return local.failure(error.reason)
     if not is_address(task.folder):
-        return label_one(replace(near, claim=task.claim))
+        return label_one(replace(local, claim=task.claim))
     folder = here / "result" / task.folder.name
-    near = replace(near, folder=folder, target=address_of(task.folder))
-    with _between_machines():
-        far = RemoteFolder.at(task.folder, OutputError)
-        there = far.names()
-        _look_at(far, near.folder, there)
-    outcome = label_one(replace(near, only_look=True))
+    local = replace(local, folder=folder, target=address_of(task.folder))
+    with _as_transfer_errors():
+        remote = RemoteFolder.at(task.folder, OutputError)
+        there = remote.names()
+        _fetch_check_files(remote, local.folder, there)
+    outcome = label_one(replace(local, only_check=True))
     if isinstance(outcome, LabelledRow):
         return outcome
-    with _between_machines():
-        _fetch_all(far, near.folder, there)
-        before = written_names(near.folder)
-    outcome = label_one(near)
+    with _as_transfer_errors():
+        _fetch_all(remote, local.folder, there)
+        before = written_names(local.folder)
+    outcome = label_one(local)
     if isinstance(outcome, LabelledRow):
-        with _between_machines():
-            _put_result(near.folder, far, before, there)
+        with _as_transfer_errors():
+            _put_result(local.folder, remote, before, there)
     return outcome
 
 
 def fetch_results(out: Path, wanted: Collection[str], here: Path) -> None:
-    """Copy a far folder's results into a local one: their files of the wanted names, as old."""
-    far = RemoteFolder.at(out, InputError)
+    """Copy the wanted files of a remote batch folder to a local one, with their time stamps."""
+    remote = RemoteFolder.at(out, InputError)
 
     def fetch(name: str) -> None:
-        if far.fetch(name, here / name):
-            when = far.modified_s(name)
+        if remote.fetch(name, here / name):
+            when = remote.modified_s(name)
             os.utime(here / name, (when, when))
 
-    parts = ((name, PurePosixPath(name).parts) for name in far.names())
-    far.at_once(
+    paths = ((name, PurePosixPath(name).parts) for name in remote.names())
+    remote.at_once(
         fetch,
         (
             name
-            for name, each in parts
-            if each[-1] in wanted and not any(part.startswith(".") for part in each)
+            for name, each in paths
+            if each[-1] in wanted and not any(component.startswith(".") for component in each)
         ),
     )
 
 
 def _fetch_map(task: MapTask, local: Path) -> None:
-    """Copy the map's YAML file and its image, side by side as they were."""
+    """Copy the map's YAML file and its image, with their relative paths."""
     source = RemoteFolder.at(task.map, MapError)
-    with _between_machines():
+    with _as_transfer_errors():
         if not source.parent.fetch(task.map.name, local):
             raise MapError(f"{source.address}: no such file; expected a map description (YAML)")
     try:
@@ -233,39 +232,41 @@ def _fetch_map(task: MapTask, local: Path) -> None:
     if image.is_absolute() or ".." in image.parts:
         raise _NotAMapError(
             MapError(
-                f"{source.address}: its image {str(image)!r} lies outside its folder, where no "
-                "image is fetched from; put it beside the map"
+                f"{source.address}: its image {str(image)!r} is outside the map's folder and is "
+                "not fetched; move it into that folder"
             )
         )
-    with _between_machines():  # what is missing, reading the map will say
+    with _as_transfer_errors():  # a missing image is reported when the map is read
         source.parent.fetch(str(image), local.parent / image)
 
 
-def _look_at(far: RemoteFolder, here: Path, names: Collection[str]) -> None:
-    """Of a result, what says whether it is done; all other files as empty ones."""
+def _fetch_check_files(remote: RemoteFolder, here: Path, names: Collection[str]) -> None:
+    """Fetch the files needed to check a result; create empty ones for all others."""
     if not set(names).intersection(_MANIFESTS):
         return
     for name in names:
-        if name in _LOOKED_AT:
-            far.fetch(name, here / name)
+        if name in _CHECK_FILES:
+            remote.fetch(name, here / name)
         else:
             (here / name).parent.mkdir(parents=True, exist_ok=True)
             (here / name).touch()
 
 
-def _fetch_all(far: RemoteFolder, here: Path, names: Collection[str]) -> None:
-    """What an earlier run left; of a result that it did not complete only what the user gave."""
+def _fetch_all(remote: RemoteFolder, here: Path, names: Collection[str]) -> None:
+    """Fetch an earlier result; of an incomplete one only the user's names and the record."""
     if RECORD_FILE in names and not set(names).intersection(_MANIFESTS):
         names = [name for name in names if name in (NAMES_FILE, RECORD_FILE)]
     for name in names:
-        far.fetch(name, here / name)
+        remote.fetch(name, here / name)
 
 
-def _put_result(here: Path, far: RemoteFolder, before: set[str], there: Collection[str]) -> None:
-    """Copy a result, and remove what only an earlier one had; files of the user's own stay."""
+def _put_result(here: Path, remote: RemoteFolder, before: set[str], there: Collection[str]) -> None:
+    """Upload a result, and remove files of the earlier one; files of the user are not touched."""
     ours = written_names(here)
-    far.remove([MANIFEST_FILE, *set(_MANIFESTS[1:]).intersection(there)], OutputError)
-    far.put(here, [RECORD_FILE], OutputError)
-    far.at_once(lambda name: far.put(here, [name], OutputError), sorted(ours - {MANIFEST_FILE}))
-    far.put(here, [MANIFEST_FILE], OutputError)
-    far.remove(sorted(before - ours), OutputError)
+    remote.remove([MANIFEST_FILE, *set(_MANIFESTS[1:]).intersection(there)], OutputError)
+    remote.put(here, [RECORD_FILE], OutputError)
+    remote.at_once(
+        lambda name: remote.put(here, [name], OutputError), sorted(ours - {MANIFEST_FILE})
+    )
+    remote.put(here, [MANIFEST_FILE], OutputError)
+    remote.remove(sorted(before - ours), OutputError)

@@ -1,4 +1,4 @@
-"""One comparison from several runs: on every split of the data, and with every seed."""
+"""A comparison over several runs: every split of the data with every seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ from pgm_places.experiment.tasks import task_of
 
 @dataclass(frozen=True, eq=False)
 class RunTask:
-    """A split to learn and test on with a seed.
+    """A comparison on one split with one seed.
 
     Parameters
     ----------
     split : str or None
-        Its name; None where ``[[test]]`` is tested on.
+        Its name; None for ``[[test]]``.
     seed : int or None
         None for the seeds of the configuration.
     config : ExperimentConfig
     folder : Path
-        What the configuration's paths are relative to.
+        Folder that the configuration's paths are relative to.
     feature_cache : FeatureCache, optional
     n_threads : int
     """
@@ -44,9 +44,9 @@ class RunTask:
 
     @property
     def words(self) -> str:
-        """What a message calls it."""
+        """Its name in messages."""
         seed = None if self.seed is None else f"seed {self.seed}"
-        return ", ".join(part for part in (self.split, seed) if part is not None)
+        return ", ".join(text for text in (self.split, seed) if text is not None)
 
 
 def run_tasks(
@@ -56,15 +56,15 @@ def run_tasks(
     *,
     n_threads: int = 1,
 ) -> list[RunTask]:
-    """A task for each split and seed; without splits, for each seed on ``[[test]]``."""
-    parts: list[tuple[str | None, ExperimentConfig]]
-    parts = [(item.name, item.config) for item in splits] or [(None, experiment.config)]
+    """A task per split and seed; without splits, per seed on ``[[test]]``."""
+    runs: list[tuple[str | None, ExperimentConfig]]
+    runs = [(split.name, split.config) for split in splits] or [(None, experiment.config)]
     shared = experiment.folder, experiment.feature_cache, n_threads
     if not seeds:
-        return [RunTask(name, None, config, *shared) for name, config in parts]
+        return [RunTask(name, None, config, *shared) for name, config in runs]
     return [
         RunTask(name, seed, seeded_config(config, seed), *shared)
-        for (name, config), seed in product(parts, seeds)
+        for (name, config), seed in product(runs, seeds)
     ]
 
 
@@ -85,53 +85,57 @@ def compare_several(
     seeds: Sequence[int] = (),
     n_threads: int = 1,
 ) -> Comparison:
-    """All methods of a configuration on every split and with every seed, as one comparison.
+    """Compare all methods of a configuration on every split with every seed.
 
-    The splits are those that the configuration lists, or, ``by_building``, each building held out
-    in turn, or ``n_folds`` groups of them; else ``[[test]]`` is tested on. Options of ``[select]``
-    are chosen for every split and seed separately, on what is learned from.
+    The splits are listed by the configuration, or hold out each building in turn (``by_building``)
+    or each of ``n_folds`` groups of buildings; otherwise the test data are ``[[test]]``. Options of
+    ``[select]`` are chosen separately for every split and seed, on its training data.
 
     Raises
     ------
     ConfigError
-        There are not enough buildings, or a listed split does not fit them.
+        There are not enough buildings, or a listed split names unknown ones.
     OutputError
-        A worker died on a run each time.
+        A run crashed its worker each time.
     """
-    task_of(experiment.config)  # refuses bad options before anything is read
+    task_of(experiment.config)  # reports invalid options before anything is read
     wants_splits = by_building or n_folds is not None or bool(experiment.config.splits)
     splits = splits_of(experiment, n_folds=n_folds) if wants_splits else []
     tasks = run_tasks(experiment, splits, seeds, n_threads=n_threads)
-    found: dict[tuple[str | None, int | None], Comparison] = {}
+    comparisons: dict[tuple[str | None, int | None], Comparison] = {}
     with experiment.progress.stage("runs") as stage:
         for task, result in workers.run(compare_run, tasks):
             if result is None:
                 raise OutputError(
-                    f"every worker died on {task.words}: probably killed for memory; use fewer "
-                    "--jobs, or set max_examples_per_map"
+                    f"every worker was killed on {task.words}, probably for lack of memory; use "
+                    "fewer --jobs, or set max_examples_per_map"
                 )
-            found[task.split, task.seed] = result
-            stage.update(len(found) / len(tasks), f"{len(found)} of {len(tasks)}")
+            comparisons[task.split, task.seed] = result
+            stage.update(len(comparisons) / len(tasks), f"{len(comparisons)} of {len(tasks)}")
     if not seeds:
-        return _of_seed(experiment, splits, found, None)
-    by_seed = {seed: _of_seed(experiment, splits, found, seed) for seed in seeds}
+        return _of_seed(experiment, splits, comparisons, None)
+    by_seed = {seed: _of_seed(experiment, splits, comparisons, seed) for seed in seeds}
     return over_seeds(experiment, by_seed)
 
 
 def _of_seed(
     experiment: Experiment,
     splits: Sequence[Split],
-    found: dict[tuple[str | None, int | None], Comparison],
+    comparisons: dict[tuple[str | None, int | None], Comparison],
     seed: int | None,
 ) -> Comparison:
-    """The comparisons of all splits with one seed as one."""
+    """Merge the comparisons of all splits with one seed."""
     if not splits:
-        return found[None, seed]
+        return comparisons[None, seed]
     words = f"{len(splits)} splits"
     if not experiment.config.splits:
-        held_out = [{item.building for item in found[split.name, seed].maps} for split in splits]
+        held_out = [
+            {entry.building for entry in comparisons[split.name, seed].maps} for split in splits
+        ]
         n_buildings = len(set().union(*held_out))
         words = f"each of {n_buildings} buildings left out"
         if len(splits) < n_buildings:
             words = f"{n_buildings} buildings in {len(splits)} folds"
-    return over_splits(experiment, {item.name: found[item.name, seed] for item in splits}, words)
+    return over_splits(
+        experiment, {entry.name: comparisons[entry.name, seed] for entry in splits}, words
+    )

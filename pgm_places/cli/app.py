@@ -35,7 +35,7 @@ COMMANDS = {
 _SUMMARY = "Label the places of a robot's map: corridor, room, doorway, or your own."
 _OPTIONS = {
     "--version": "Show the version.",
-    "--show-completion": "Show what completes commands and options in bash or zsh; "
+    "--show-completion": "Print the shell completion script for bash or zsh; "
     'eval "$(pgm-places --show-completion)" turns it on.',
 }
 
@@ -47,12 +47,12 @@ def command(name: str) -> Command:
 
 
 def run(words: Sequence[str]) -> None:
-    """Do what a command line says.
+    """Run the command of a command line.
 
     Raises
     ------
     InputError
-        There is no such command or option, or it does not take what it is given.
+        A command, an option or a value is invalid.
     """
     first, *others = words or [HELP]
     if first in COMMANDS:

@@ -1,4 +1,4 @@
-"""A command: a function that is run with what a command line says.
+"""Commands: parsing of their arguments and options, and the call of their function.
 
 Typer imports too slowly and argparse reads -1e-3 as an option; values here share validation and
 messages with configuration files.
@@ -27,7 +27,7 @@ class Command:
     ----------
     name : str
     function : callable
-        What it does; its docstring is the help, its annotations are what it takes.
+        Called with the parsed values; its docstring is the help, its annotations are the types.
     """
 
     name: str
@@ -35,12 +35,12 @@ class Command:
 
     @property
     def parameters(self) -> list[Parameter]:
-        """What it takes."""
+        """Its arguments and options, in order."""
         return parameters_of(self.function)
 
     @property
     def help(self) -> str:
-        """What it does, in paragraphs."""
+        """The description, without the section on parameters."""
         return inspect.cleandoc(self.function.__doc__ or "").partition("\n\nParameters\n")[0]
 
     @property
@@ -49,38 +49,40 @@ class Command:
         return self.help.partition("\n")[0].partition(". ")[0].rstrip(".") + "."
 
     def run(self, words: Sequence[str]) -> None:
-        """Do what the words say.
+        """Parse the words of a command line and call the function.
 
         Raises
         ------
         InputError
-            They are not what the command takes.
+            An argument or option is unknown, missing or has an invalid value.
         """
         self.function(**self.values(words))
 
     def values(self, words: Sequence[str]) -> dict[str, Any]:
-        """What the words of a command line say for each parameter of the function."""
+        """The value of each parameter, parsed from the words of a command line."""
         parameters = self.parameters
-        arguments = [item for item in parameters if not item.flags]
-        positions, given = self._sorted(parameters, words)
-        for item in arguments:
-            texts = positions if item.is_list else positions[:1]
+        arguments = [param for param in parameters if not param.flags]
+        positions, values = self._sorted(parameters, words)
+        for param in arguments:
+            texts = positions if param.is_list else positions[:1]
             positions = positions[len(texts) :]
             if texts:
-                given[item.name] = [item.read(text) for text in texts]
+                values[param.name] = [param.read(text) for text in texts]
         if positions:
-            raise self._refusal(f"{positions[0]!r} is one argument too many")
-        missing = [item.shown for item in parameters if item.is_required and item.name not in given]
+            raise self._refusal(f"unexpected argument {positions[0]!r}")
+        missing = [
+            param.shown for param in parameters if param.is_required and param.name not in values
+        ]
         if missing:
             raise self._refusal(f"{' and '.join(missing)} must be given")
-        return {item.name: _value(item, given.get(item.name)) for item in parameters}
+        return {param.name: _value(param, values.get(param.name)) for param in parameters}
 
     def _sorted(
         self, parameters: Sequence[Parameter], words: Sequence[str]
     ) -> tuple[list[str], dict[str, list[Any]]]:
-        """The arguments in their order, and the values of each option that is given."""
-        flags = {flag: (item, on) for item in parameters for flag, on in item.switches.items()}
-        rest, positions, given = list(words), list[str](), dict[str, list[Any]]()
+        """The arguments in order, and the values of each option on the line."""
+        flags = {flag: (param, on) for param in parameters for flag, on in param.switches.items()}
+        rest, positions, values = list(words), list[str](), dict[str, list[Any]]()
         while rest:
             word = rest.pop(0)
             if word == "--":
@@ -96,26 +98,26 @@ class Command:
                 raise self._refusal(
                     f"there is no option {flag}.", nearest_name(flag, [*flags, HELP])
                 )
-            item, is_on = flags[flag]
-            if item.is_switch:
+            param, is_on = flags[flag]
+            if param.is_switch:
                 if equals:
                     raise self._refusal(f"{flag} takes no value, got {text!r}")
                 rest[:0] = [f"-{text}"] if text else []  # -fq: the other switches of a word
-                given[item.name] = [is_on]
+                values[param.name] = [is_on]
                 continue
             if not (equals or text):
                 if not rest:
                     raise self._refusal(f"{flag} needs a value")
                 text = rest.pop(0)
-            given.setdefault(item.name, []).append(item.read(text))
-        return positions, given
+            values.setdefault(param.name, []).append(param.read(text))
+        return positions, values
 
     def _refusal(self, problem: str, *more: str) -> InputError:
         return InputError(" ".join([problem, *more]) + f"; see pgm-places {self.name} {HELP}")
 
 
-def _value(item: Parameter, given: list[Any] | None) -> Any:
-    """The values that are given as the function takes them: the last one, or a list of all."""
-    if given is None:
-        return item.default
-    return given if item.is_list else given[-1]
+def _value(param: Parameter, values: list[Any] | None) -> Any:
+    """The last value of an option, all values of a list option, or the default."""
+    if values is None:
+        return param.default
+    return values if param.is_list else values[-1]

@@ -1,8 +1,8 @@
-"""What a command takes: arguments and options, declared beside the parameters of its function.
+"""Declarations of a command's arguments and options, as annotations of its function's parameters.
 
-``n_threads: Annotated[Whole | None, Option("--threads")] = None`` is an option of one whole number.
-The type says what it takes, in the words of every other option. The help is in the docstring of the
-function, among its parameters, or in the mark where several commands share it.
+``n_threads: Annotated[Whole | None, Option("--threads")] = None`` declares an option of one whole
+number. The type sets the permitted values and the message for others. The help is in the docstring
+of the function, or in the annotation where several commands share the option.
 """
 
 import copy
@@ -32,12 +32,12 @@ from pgm_places.options import (
 
 @dataclass
 class Argument:
-    """The mark of a parameter that is given by its place on the command line.
+    """Annotation of a positional parameter.
 
     Parameters
     ----------
     metavar : str
-        What stands for it in usage and messages.
+        Its name in usage and messages.
     help : str
         One sentence.
     """
@@ -47,19 +47,19 @@ class Argument:
 
 
 class Option:
-    """The mark of a parameter that is given by a flag.
+    """Annotation of a parameter set by a flag.
 
     Parameters
     ----------
     *flags : str
-        ``"--out", "-o"``; :func:`flag_of` the parameter if there are none. A switch that can also
-        be turned off is written ``"--correct/--no-correct"``.
+        ``"--out", "-o"``; :func:`flag_of` the parameter by default. A switch that can also be
+        turned off is written ``"--correct/--no-correct"``.
     help : str
-        One sentence; that of the docstring by default.
+        One sentence; the sentence of the docstring by default.
     metavar : str, optional
-        What stands for its value; the kind of value by default.
+        Placeholder of its value; the type of value by default.
     shown_default : bool or str, optional
-        What holds if it is not given and the command finds nothing else, where its default is None.
+        Default to show in the help, where the declared default is None.
     """
 
     def __init__(
@@ -75,17 +75,17 @@ class Option:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One thing that a command takes.
+    """An argument or option of a command.
 
     Parameters
     ----------
     name : str
-        Of the function's parameter.
+        Name of the function's parameter.
     hint : Any
-        What it takes.
+        Type of its value.
     declared : Argument or Option
     default : Any
-        ``inspect.Parameter.empty`` where it must be given.
+        ``inspect.Parameter.empty`` for a required parameter.
     """
 
     name: str
@@ -100,24 +100,24 @@ class Parameter:
 
     @property
     def is_list(self) -> bool:
-        """Whether it takes several values."""
+        """Whether it accepts several values."""
         return typing.get_origin(self._kind) is list
 
     @property
     def is_switch(self) -> bool:
-        """Whether it takes no value."""
+        """Whether it is a flag without a value."""
         return self.hint is bool
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """How an option is given; none of an argument."""
+        """The flags of an option; empty for an argument."""
         if isinstance(self.declared, Argument):
             return ()
         return self.declared.flags or (flag_of(self.name),)
 
     @property
     def switches(self) -> dict[str, bool]:
-        """Each flag by itself, and whether it turns on what it names."""
+        """Each flag, and whether it turns the option on."""
         return {
             flag: position == 0
             for flags in self.flags
@@ -126,38 +126,40 @@ class Parameter:
 
     @property
     def shown(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return self.flags[0] if self.flags else str(self.declared.metavar)
 
     @property
     def metavar(self) -> str:
-        """What stands for its value."""
+        """The placeholder of its value in the help."""
         kinds = {Path: "PATH", int: "NUMBER", float: "NUMBER"}
-        return self.declared.metavar or kinds.get(unannotated(union_members(self._item)[0]), "TEXT")
+        return self.declared.metavar or kinds.get(
+            unannotated(union_members(self._value_type)[0]), "TEXT"
+        )
 
     @property
     def _kind(self) -> Any:
         return unannotated(union_members(self.hint)[0])
 
     @property
-    def _item(self) -> Any:
-        """What each value has to be, with its limits."""
+    def _value_type(self) -> Any:
+        """The type of each value, with its limits."""
         if self.is_list:
             return typing.get_args(self._kind)[0]
         return Union[tuple(arm for arm in union_members(self.hint) if arm is not NoneType)]  # noqa: UP007
 
     def read(self, text: str) -> Any:
-        """The value that a text says.
+        """Parse and check a value.
 
         Raises
         ------
         ConfigError
-            It is none that the parameter takes.
+            The value is invalid for this parameter.
         """
-        kind = unannotated(union_members(self._item)[0])
+        kind = unannotated(union_members(self._value_type)[0])
         if kind in (str, Path):
             return kind(text)
-        return check_option(self.shown, self._item, number_in(text, kind))
+        return check_option(self.shown, self._value_type, number_in(text, kind))
 
 
 UNITS = ("_m2", "_m_s", "_m", "_s")
@@ -177,7 +179,7 @@ def flag_of(option: str) -> str:
 
 
 def number_in(text: str, kind: type) -> Any:
-    """A number where the text is one, of a kind if it can be; otherwise the text.
+    """Parse a number, as ``kind`` if possible; other text is returned unchanged.
 
     Examples
     --------
@@ -194,18 +196,18 @@ def number_in(text: str, kind: type) -> Any:
 
 def parameters_of(command: Callable[..., None]) -> list[Parameter]:
     """The parameters of a command or of a shared options class, in order."""
-    parameters, said = [], described(command)
-    for item in inspect.signature(command).parameters.values():
+    parameters, descriptions = [], described(command)
+    for param in inspect.signature(command).parameters.values():
         hint, marks = (
-            unannotated(item.annotation),
-            list(getattr(item.annotation, "__metadata__", ())),
+            unannotated(param.annotation),
+            list(getattr(param.annotation, "__metadata__", ())),
         )
         own = marks.pop() if marks and isinstance(marks[-1], Argument | Option) else Option()
-        metavar, text = said.get(item.name, ("", ""))
-        declared = copy.copy(own)  # which other commands may share
+        metavar, text = descriptions.get(param.name, ("", ""))
+        declared = copy.copy(own)  # other commands may share it
         declared.metavar, declared.help = own.metavar or metavar, own.help or text
-        kind = Annotated[hint, *marks] if marks else hint  # with its own marks
-        parameters.append(Parameter(item.name, kind, declared, item.default))
+        kind = Annotated[hint, *marks] if marks else hint  # with the remaining annotations
+        parameters.append(Parameter(param.name, kind, declared, param.default))
     return parameters
 
 
@@ -220,7 +222,7 @@ class GivenOptions(Generic[T]):
     Parameters
     ----------
     cls : dataclass
-        Whose options they are.
+        The options class.
     values : mapping of str to value
     flags : mapping of str to str
         The flag of each option of the class.
@@ -230,8 +232,8 @@ class GivenOptions(Generic[T]):
     values: Mapping[str, Any]
     flags: Mapping[str, str]
 
-    def over(self, others: T) -> T:
-        """The options of an object, those that were given in their place."""
+    def applied_to(self, others: T) -> T:
+        """A copy of an options object, with the flags' values replaced."""
         with named_as_flags(self.flags):
             return from_mapping(self.cls, {**option_values(others), **self.values})
 
@@ -249,33 +251,33 @@ def option_flags(
     Parameters
     ----------
     parameter : str
-        The parameter of the command that takes the object of the class.
+        The parameter of the command that receives the object of the class.
     cls : dataclass
-        Names, defaults, ranges and help are those that it declares.
+        Declares names, defaults, ranges and help.
     flags : mapping of str to str, optional
-        Flags that are not called as :func:`flag_of` would call them.
+        Flags with another name than :func:`flag_of`.
     without : collection of str
-        Options that mean nothing to the command: they keep their defaults.
+        Options without a flag, which have no meaning for the command; they have their defaults.
     only_given : bool
-        The parameter takes :class:`GivenOptions` rather than an object of the class: the defaults
-        are for the command to choose.
+        Pass :class:`GivenOptions` instead of an object of the class; the command chooses the
+        defaults.
     """
     hints = {name: hint for name, hint in option_hints(cls).items() if name not in without}
     names = {name: flag_of(name) for name in hints} | dict(flags or {})
 
     def decorated(command: Command) -> Command:
         @functools.wraps(command)
-        def call(**given: Any) -> None:
-            texts = {name: given.pop(name) for name in names}
+        def call(**arguments: Any) -> None:
+            texts = {name: arguments.pop(name) for name in names}
             values = {
                 name: _value(text, hints[name]) for name, text in texts.items() if text is not None
             }
             with named_as_flags(names):
-                options = from_mapping(cls, values)  # what is wrong shows before the work
-            asked = GivenOptions(cls, values, names) if only_given else options
-            command(**{parameter: asked}, **given)
+                options = from_mapping(cls, values)  # invalid values are reported before the work
+            value = GivenOptions(cls, values, names) if only_given else options
+            command(**{parameter: value}, **arguments)
 
-        return _taking(call, command, parameter, _parameters(cls, names, only_given))
+        return _with_flags(call, command, parameter, _parameters(cls, names, only_given))
 
     return decorated
 
@@ -287,45 +289,47 @@ def grouped(
     without: Collection[str] = (),
     of: Mapping[str, Any] | None = None,
 ) -> Callable[[Command], Command]:
-    """A decorator: a command takes what the fields of a class declare, as one object of it.
+    """A decorator that gives a command the flags declared by a class's fields, as one object.
 
-    Fields ``without`` a flag keep their defaults; ``of`` declares some as other commands do.
+    Fields ``without`` a flag have their defaults; ``of`` replaces the declarations of some fields.
     """
     fields = {
-        item.name: inspect.Parameter(
-            item.name,
+        field.name: inspect.Parameter(
+            field.name,
             inspect.Parameter.KEYWORD_ONLY,
-            default=item.default,
-            annotation=(of or {}).get(item.name, Annotated[item.hint, item.declared]),
+            default=field.default,
+            annotation=(of or {}).get(field.name, Annotated[field.hint, field.declared]),
         )
-        for item in parameters_of(cls)
-        if item.name not in without
+        for field in parameters_of(cls)
+        if field.name not in without
     }
 
     def decorated(command: Command) -> Command:
         @functools.wraps(command)
-        def call(**given: Any) -> None:
-            command(**{parameter: cls(**{name: given.pop(name) for name in fields})}, **given)
+        def call(**arguments: Any) -> None:
+            command(
+                **{parameter: cls(**{name: arguments.pop(name) for name in fields})}, **arguments
+            )
 
-        return _taking(call, command, parameter, fields.values())
+        return _with_flags(call, command, parameter, fields.values())
 
     return decorated
 
 
-def _taking(
+def _with_flags(
     call: Command, command: Command, parameter: str, others: Iterable[inspect.Parameter]
 ) -> Command:
     """``call`` with the command's signature, ``parameter`` replaced by ``others``."""
     own = inspect.signature(command)
-    flags = [item.replace(kind=inspect.Parameter.KEYWORD_ONLY) for item in others]
-    taken = (flags if name == parameter else [item] for name, item in own.parameters.items())
+    flags = [param.replace(kind=inspect.Parameter.KEYWORD_ONLY) for param in others]
+    taken = (flags if name == parameter else [param] for name, param in own.parameters.items())
     vars(call)["__signature__"] = own.replace(parameters=list(itertools.chain(*taken)))
     return call
 
 
 @contextmanager
 def named_as_flags(flags: Mapping[str, str]) -> Iterator[None]:
-    """Have errors of options name the flags that gave them."""
+    """Name flags instead of options in option errors."""
     try:
         yield
     except OptionError as error:
@@ -335,26 +339,26 @@ def named_as_flags(flags: Mapping[str, str]) -> Iterator[None]:
 def _parameters(
     cls: type[Any], flags: Mapping[str, str], only_given: bool
 ) -> list[inspect.Parameter]:
-    """A parameter per option: a switch, or text that the class itself reads and checks."""
+    """A parameter per option: a switch, or text that the class parses and checks."""
     lines, hints = option_lines(cls), option_hints(cls)
     parameters = []
-    for item in option_fields(cls):
-        if item.name not in flags:
+    for field in option_fields(cls):
+        if field.name not in flags:
             continue
-        flag, is_switch = flags[item.name], hints[item.name] is bool
+        flag, is_switch = flags[field.name], hints[field.name] is bool
         if is_switch:
             flag += f"/--no-{flag.removeprefix('--')}"
         option = Option(
             flag,
-            help=lines[item.name],
-            metavar=_metavar(item.default),
-            shown_default=_default(item.default) if only_given else None,
+            help=lines[field.name],
+            metavar=_metavar(field.default),
+            shown_default=_default(field.default) if only_given else None,
         )
         parameters.append(
             inspect.Parameter(
-                item.name,
+                field.name,
                 inspect.Parameter.KEYWORD_ONLY,
-                default=None if only_given else _default(item.default),
+                default=None if only_given else _default(field.default),
                 annotation=Annotated[bool, option] if is_switch else Annotated[str, option],
             )
         )
@@ -370,14 +374,14 @@ def _metavar(default: Any) -> str:
 
 
 def _default(default: Any) -> bool | str:
-    """A default as one would write it: items of a list with commas between."""
+    """A default as on the command line; lists are separated by commas."""
     if isinstance(default, tuple):
         return ",".join(map(str, default))
     return default if isinstance(default, bool) else str(default)
 
 
 def _value(text: str | bool, hint: Any) -> Any:
-    """What a flag's text says: a number where it is one and the option is not text."""
+    """The value of a flag: a number if possible, unless the option is text."""
     if isinstance(text, bool) or hint is str:
         return text
     if typing.get_origin(hint) is tuple:

@@ -16,7 +16,7 @@ from pgm_places.errors import InputError
 from pgm_places.options import UnknownGrey
 
 _SOLVERS = {"clarabel", "ortools"}
-"""What cvxpy and decoders use where it is installed."""
+"""Optional packages without an extra of this package: solvers of cvxpy and of decoders."""
 
 
 def doctor(
@@ -36,8 +36,8 @@ def doctor(
     maps
         Maps to check; several, folders or quoted patterns give a table.
     fix
-        Correct YAML files whose thresholds misread unknown cells or walls, or whose image lies
-        beside them and not where they say; the original is kept beside it as FILE.orig.
+        Correct YAML files whose thresholds misread unknown cells or walls, or whose image path is
+        wrong although the image is in the same folder; the original is saved as FILE.orig.
     """
     if fix and not maps:
         raise InputError("--fix needs maps; name one, or a folder")
@@ -48,7 +48,7 @@ def doctor(
 
 
 def _environment() -> None:
-    """Say what is installed."""
+    """Print the installed packages and plugins."""
     from pgm_places.features.custom import FEATURES
     from pgm_places.inference.backends import backend_names
     from pgm_places.kernels.threads import resolve_threads
@@ -76,7 +76,7 @@ def _maps(maps: list[str], model: str, unknown_value: UnknownGrey | None, *, fix
 
 
 def _packages() -> list[str]:
-    """What this package needs, as its metadata say, and what it can use."""
+    """Required packages, from the metadata, then optional ones."""
     from importlib.metadata import PackageNotFoundError, requires
 
     needs: list[str] = []
@@ -89,7 +89,7 @@ def _packages() -> list[str]:
 
 
 def _version(name: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version  # slow to import, as help is not
+    from importlib.metadata import PackageNotFoundError, version  # slow to import
 
     try:
         return version(name)

@@ -1,4 +1,4 @@
-"""What ``pgm-places doctor`` says of maps: of one in detail, of many in a table."""
+"""Map checks of ``pgm-places doctor``: details of one map, a table of several."""
 
 import tempfile
 import time
@@ -24,21 +24,21 @@ from pgm_places.progress import duration
 from pgm_places.simulation.building import generate_building
 from pgm_places.spaces.unentered import find_unentered
 
-# What takes time, each as so many free cells of the model: to begin with a map, to read and paint a
-# cell of its own, and to label a free one. Fitted to the processor time of maps on one thread.
+# Costs in units of labelling one free cell at the model's resolution: a constant per map, and per
+# cell of the original map for reading and painting. Fitted to processor times on one thread.
 _OF_A_MAP, _OF_A_CELL = 15_000, 0.05
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """The work on a map.
+    """Size of a map, and the work to label it.
 
     Parameters
     ----------
     n_cells : int
-        Of the map as it came.
+        Cells of the original map.
     n_free : int
-        Free cells at the model's resolution: those to be labelled.
+        Free cells at the model's resolution, which get labels.
     """
 
     n_cells: int
@@ -46,7 +46,7 @@ class Forecast:
 
     @property
     def work(self) -> float:
-        """In units of the time that a free cell takes.
+        """Labelling time in units of one free cell.
 
         Examples
         --------
@@ -58,7 +58,7 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Speed:
-    """How fast this machine labels maps with a model, on one thread.
+    """Labelling speed of this machine with a model, on one thread.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Speed:
 
     @classmethod
     def measured(cls, options: LabelOptions) -> Self:
-        """From labelling a small generated floor: after a first time, which loads all kernels.
+        """Measure the speed on a small generated floor, after a warm-up run.
 
         Raises
         ------
@@ -91,12 +91,12 @@ class Speed:
         return cls(min(seconds) / Forecast(grid.cells.size, int(used.free.sum())).work)
 
     def seconds(self, forecast: Forecast) -> float:
-        """Processor time that a map is expected to take."""
+        """Expected processor time of a map (s)."""
         return self.seconds_per_cell * forecast.work
 
 
 def _processor_seconds(task: MapTask) -> float:
-    """The processor time of a task; on a busy machine, the time that goes by says little."""
+    """The processor time of a task; elapsed time depends on other load."""
     start = time.process_time()
     outcome = label_one(task)
     if isinstance(outcome, Failure):
@@ -110,14 +110,14 @@ _UNENTERED = "'label' gives it no label, or all of it with --unentered"
 def check_map(
     path: Path, labeler: pp.PlaceLabeler, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> None:
-    """Say everything of one map.
+    """Print the properties and problems of one map.
 
     Raises
     ------
     MapError
-        It cannot be read, or its file not corrected in place.
+        The map cannot be read, or its file cannot be corrected.
     OutputError
-        Its file cannot be written, or one that is kept would be lost.
+        The file cannot be written, or a saved original would be overwritten.
     """
     loaded = pp.load_map(path, unknown_value=unknown_value)
     if fix:
@@ -134,12 +134,12 @@ def check_map(
         notes.append(f"{unentered}; {_UNENTERED}")
     if grid.yaw_rad:
         notes.append(
-            f"the map is turned by {np.degrees(grid.yaw_rad):.4g} degrees about its origin: "
-            "positions of places are in the frame it is turned in, rasters are as the image; "
-            "Nav2's costmaps do not turn maps"
+            f"the map is rotated by {np.degrees(grid.yaw_rad):.4g} degrees about its origin: "
+            "positions of places are in the map frame, rasters are aligned with the image; "
+            "Nav2's costmaps ignore the rotation"
         )
     if used is not None:
-        say(f"{int(used.free.sum()):,} cells to label, of {used.resolution_m:g} m")
+        say(f"{int(used.free.sum()):,} cells of {used.resolution_m:g} m to label")
     for note in notes:
         say(f"note: {note}")
     for message in problems:
@@ -151,7 +151,7 @@ def check_map(
 def _examined(
     loaded: MapFile, labeler: pp.PlaceLabeler
 ) -> tuple[pp.OccupancyGrid | None, list[str], list[str]]:
-    """The map as it would be labelled, if it can be; notes about that, and what looks wrong."""
+    """The map at the model's resolution, or None; notes on the resampling; problems."""
     used, notes, problems = None, list[str](), list(loaded.warnings)
     try:
         used, notes = at_model_resolution(labeler, loaded.grid)
@@ -162,7 +162,7 @@ def _examined(
 
 @dataclass(frozen=True)
 class _Row:
-    """One map of the table; without numbers where it could not be read."""
+    """One row of the table; numbers are None for an unreadable map."""
 
     name: str
     resolution_m: float | None = None
@@ -171,7 +171,7 @@ class _Row:
     problems: tuple[str, ...] = ()
 
     def cells(self, speed: Speed | None) -> list[str]:
-        """What stands in the table's columns."""
+        """Texts of the table's columns."""
         seconds = None
         if speed is not None and self.forecast is not None:
             seconds = speed.seconds(self.forecast)
@@ -188,21 +188,21 @@ class _Row:
 def check_maps(
     arguments: Sequence[str], model: str, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> bool:
-    """Say of many maps, in a table, what labelling them will take; whether all can be labelled.
+    """Print a table of several maps with estimated labelling times; whether all can be labelled.
 
     Raises
     ------
     MapError
-        An argument names no map.
+        An argument matches no map.
     """
     chosen = find_maps(arguments)
     options = LabelOptions(model=model)
     labeler = LoadedModel.load(options).labeler
     rows, progress = [], make_progress(quiet=False)
     with progress.stage("maps") as stage:
-        for item in chosen.maps:
-            rows.append(_row(item.name, item.path, labeler, unknown_value, fix=fix))
-            stage.update(len(rows) / len(chosen.maps), item.name)
+        for found_map in chosen.maps:
+            rows.append(_row(found_map.name, found_map.path, labeler, unknown_value, fix=fix))
+            stage.update(len(rows) / len(chosen.maps), found_map.name)
     forecasts = [row.forecast for row in rows if row.forecast is not None]
     if not forecasts:
         say(f"\n{_table(rows, None)}")
@@ -212,12 +212,12 @@ def check_maps(
         say(f"\n{_table(rows, speed)}\n")
         say(
             f"{len(forecasts):,} of {len(rows):,} maps can be labelled: "
-            f"{sum(item.n_free for item in forecasts):,} cells in about "
+            f"{sum(forecast.n_free for forecast in forecasts):,} cells in about "
             f"{duration(sum(map(speed.seconds, forecasts)))} of processor time"
         )
         say(
-            "(estimates for one thread, from the time that a generated floor took here: "
-            f"{1e6 * speed.seconds_per_cell:.0f} µs a cell; worker processes share the maps)"
+            "(estimated for one thread from a generated floor: "
+            f"{1e6 * speed.seconds_per_cell:.0f} µs per cell)"
         )
     for row in rows:
         for problem in row.problems:
@@ -233,8 +233,7 @@ def _table(rows: Sequence[_Row], speed: Speed | None) -> str:
 def _row(
     name: str, path: Path, labeler: pp.PlaceLabeler, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> _Row:
-
-    kept = []
+    problems = []
     try:
         loaded = pp.load_map(path, unknown_value=unknown_value)
     except MapError as error:
@@ -242,23 +241,23 @@ def _row(
     if fix:
         try:
             loaded = _corrected(path, loaded)
-        except (MapError, OutputError) as error:  # the other maps may be corrected all the same
-            kept.append(str(error))
-    used, notes, problems = _examined(loaded, labeler)
+        except (MapError, OutputError) as error:  # go on with the other maps
+            problems.append(str(error))
+    used, notes, found_problems = _examined(loaded, labeler)
     grid, forecast = loaded.grid, None
     if used is not None:
-        # A finer map is coarsened as a matter of course; one that is split is the larger for it.
-        kept += notes if used.resolution_m < grid.resolution_m else []
+        # Coarsening needs no mention; refining does, because it adds cells.
+        problems += notes if used.resolution_m < grid.resolution_m else []
         forecast = Forecast(grid.cells.size, int(used.free.sum()))
     free_m2 = float(loaded.fractions.free * grid.cells.size * grid.resolution_m**2)
-    return _Row(name, grid.resolution_m, free_m2, forecast, (*kept, *problems))
+    return _Row(name, grid.resolution_m, free_m2, forecast, (*problems, *found_problems))
 
 
 def _corrected(path: Path, loaded: MapFile) -> MapFile:
-    """The map with other thresholds in its file, if its own misread unknown cells or walls."""
+    """Correct the thresholds or image path in the map's file, if needed, and reload the map."""
     if not loaded.corrections:
         return loaded
-    kept = correct_map(path, loaded.corrections)
+    original = correct_map(path, loaded.corrections)
     changes = ", ".join(f"{key} {value}" for key, value in loaded.corrections.items())
-    say(f"corrected {path}: {changes}; the original file is {kept.name}")
+    say(f"corrected {path}: {changes}; original saved as {original.name}")
     return pp.load_map(path, unknown_value=loaded.unknown_value)

@@ -1,6 +1,6 @@
 """The process around the commands: signals, exit codes, and errors as one line each.
 
-It imports next to nothing, so that an interrupt during the imports of a command ends in good order.
+It imports very little, so that an interrupt during the imports of a command is handled, too.
 """
 
 import atexit
@@ -20,11 +20,11 @@ EXIT_NOT_FOUND = 1
 EXIT_MAPS_FAILED = 3
 EXIT_OUT_OF_MEMORY = 4
 EXIT_UNREAD = 141
-"""As of a program that SIGPIPE ended (128 + 13), which is what pipelines expect."""
+"""Exit code after SIGPIPE (128 + 13), as pipelines expect."""
 
 
 class _Stops:
-    """Signals that ask the process to end, each raised as an interrupt so that all is cleaned up.
+    """Termination signals, raised as an interrupt so that cleanup code runs.
 
     Without this, SIGTERM would leave temporary files and worker processes behind.
     """
@@ -37,8 +37,8 @@ class _Stops:
         raise KeyboardInterrupt
 
     @contextlib.contextmanager
-    def heard(self) -> Iterator[None]:
-        """While the block lasts; only the main thread may listen."""
+    def handled(self) -> Iterator[None]:
+        """Handle signals inside the block; only in the main thread."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -46,7 +46,7 @@ class _Stops:
         before: dict[int, Any] = {}
         for name in names:
             number = getattr(signal, name)
-            if signal.getsignal(number) != signal.SIG_IGN:  # as nohup wants it
+            if signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores SIGHUP
                 before[number] = signal.signal(number, self._interrupt)
         try:
             yield
@@ -60,7 +60,7 @@ def main() -> None:
     stops = _Stops()
     try:
         _open_streams()
-        with stops.heard():
+        with stops.handled():
             _prepare_streams()
             _run()
     except KeyboardInterrupt:
@@ -84,7 +84,7 @@ def main() -> None:
 def _run() -> None:
     from pgm_places.errors import PgmPlacesError
 
-    # Importing makes objects that stay; searching them for garbage again and again takes time.
+    # Imported objects stay alive; frequent garbage collections would only cost time.
     gc.set_threshold(100_000, 50, 50)
     # Skip the final garbage collection; the OS reclaims the memory.
     atexit.register(gc.freeze)
@@ -100,19 +100,18 @@ def _run() -> None:
 def _open_streams() -> None:
     """Reopen closed standard streams (``>&-``) on ``/dev/null``.
 
-    Otherwise the first files that are opened would get their numbers, and whatever libraries and
-    other processes print there.
+    Otherwise the first opened files would get their descriptors, and output printed there.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free: the stream's own
-            os.set_inheritable(number, True)
-            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115
+            descriptor = os.open(os.devnull, os.O_RDWR)  # the lowest free one: the stream's own
+            os.set_inheritable(descriptor, True)
+            stream = open(descriptor, mode, encoding="utf-8", closefd=False)  # noqa: SIM115
             setattr(sys, name, stream)
 
 
 def _prepare_streams() -> None:
-    """What a terminal cannot show is spelled out; warnings of libraries are one line each."""
+    """Escape unencodable characters, and print warnings of libraries as one line each."""
     import warnings
 
     from pgm_places.cli.terminal import warn
@@ -138,6 +137,6 @@ def _leave(code: int) -> NoReturn:
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()
         sys.exit(code)
-    # What standard output still holds cannot be written; Python would try again at its end.
+    # Buffered output cannot be written; without this, Python would try again on exit.
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
     sys.exit(code)

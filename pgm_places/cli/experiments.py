@@ -64,7 +64,7 @@ def compare(
     """Train and evaluate every method of a configuration. Writes tables and a report.
 
     A configuration may list [[splits]] of its buildings in place of [[test]]. --jobs, --scheduler
-    and --memory are for several splits or seeds: each is a task of its own.
+    and --memory distribute several splits or seeds, one task each.
 
     Parameters
     ----------
@@ -72,14 +72,15 @@ def compare(
         Leave out each building of [[train]] in turn, train on the others and test on it; [[test]]
         is not used.
     folds : K
-        The same with the buildings in this many groups.
+        Cross-validate over K groups of buildings.
     seeds : N
-        Train with the seeds 1 to N: means, and what they vary by; differences are paired by seed.
+        Train with the seeds 1 to N and report means and standard deviations; differences are
+        paired by seed.
     marginals
         Keep the node marginals of linear programs (inference = "lp") in results.json.
     """
     if by_building and folds is not None:
-        raise InputError("give --by-building, which leaves out one at a time, or --folds, not both")
+        raise InputError("--by-building and --folds cannot be combined")
     from pgm_places.io.output_set import output_set
     from pgm_places.labelling.files import COMPARISON
 
@@ -92,7 +93,7 @@ def compare(
 
 
 class _Runs(NamedTuple):
-    """On which splits and with how many seeds methods are compared, and who does the work."""
+    """Splits, seeds and workers of a comparison."""
 
     by_building: bool = False
     n_folds: int | None = None
@@ -113,7 +114,7 @@ def _compare(
     if not splits and runs[:3] == _Runs()[:3]:
         if runs.workers != WorkerOptions():
             raise InputError(
-                "--jobs, --scheduler and --memory share out several splits or seeds: give "
+                "--jobs, --scheduler and --memory distribute several splits or seeds; add "
                 "--by-building, --folds or --seeds"
             )
         comparison = compare_methods(experiment)
@@ -154,7 +155,7 @@ def demo(
     from pgm_places.simulation.demo import write_demo
 
     if not quiet:
-        say("Three methods learn from the left part of a generated building, and label the right.")
+        say("Three methods train on the left part of a generated building and label the right.")
     with output_set(out, "demo", names=DEMO, force=force) as files:
         config_path = write_demo(files.stage, seed=seed)
         experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
@@ -197,13 +198,13 @@ def train(
 
 
 def _choices(trained: "Trained") -> dict[str, str]:
-    """What the methods chose on training data, in words."""
-    found: dict[str, str] = {}
+    """Options that the methods chose on training data, as text."""
+    choices: dict[str, str] = {}
     for name, method in trained.methods.items():
         chosen = dict(getattr(method.backend, "choices", {}))
         chosen |= getattr(trained.labelers[name], "method_choices", {})
-        found |= {f"{name}: {option}": words for option, words in chosen.items()}
-    return found
+        choices |= {f"{name}: {option}": words for option, words in chosen.items()}
+    return choices
 
 
 def _training_record(trained: "Trained") -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""``pgm-places explain``: why a position of a map has its label, in words and as a picture."""
+"""``pgm-places explain``: why a position of a map has its label, as text and as a picture."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,7 +35,7 @@ def explain(
     out
         Write a picture of it (PNG).
     corrections : FILE.png|FILE.geojson
-        Known labels, as label takes them.
+        Known labels, as for label.
     """
     from pgm_places.io.atomic import write_bytes
     from pgm_places.labelling.model import LoadedModel

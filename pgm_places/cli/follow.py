@@ -29,11 +29,11 @@ from pgm_places.progress import Progress
 
 POLL_S = 0.2
 FIRST_CHECK = 50
-"""Scans after which the drive is first compared with the map; then whenever they double."""
+"""Scans before the drive is first compared with the map; then at each doubling."""
 
 
 def run_follow(options: TrackOptions) -> None:
-    """Label scans as they are written, until interrupted: a line on standard output for each."""
+    """Label scans as they are written, until interrupted; one line per scan on standard output."""
     if options.mode != "filter":
         raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
     if options.truth is not None:
@@ -45,18 +45,18 @@ def run_follow(options: TrackOptions) -> None:
             "--follow labels scan by scan, but this model labels a whole drive together with its "
             "map; track the complete log without --follow"
         )
-    given = TrackInputs.of(stored, options, progress)
+    inputs = TrackInputs.of(stored, options, progress)
     if log.suffix.lower() == ".csv":  # poses without scans
         beams = {"beams__missing": "known-map", "beams__all_from_map": True}
-        given = given._replace(labeler=given.labeler.with_options(**beams))
-    follower = _Follower(given, options, progress)
+        inputs = inputs._replace(labeler=inputs.labeler.with_options(**beams))
+    follower = _Follower(inputs, options, progress)
     with ExitStack() as stack:
         files = None
         if options.out is not None:
             aside = output_set(options.out, "track", names=TRACK, force=options.force)
             files = stack.enter_context(aside)
         try:
-            with closing(_scans(options, given)) as scans:
+            with closing(_scans(options, inputs)) as scans:
                 for scan in scans:
                     follower.add(scan)
         except KeyboardInterrupt:
@@ -65,36 +65,36 @@ def run_follow(options: TrackOptions) -> None:
         if not follower.beliefs:
             progress.warn(f"{log}: no scans received")
         elif files is not None:
-            write(follower.track(log), given.grid, files.stage)
-    if files is not None and not options.jsonl:  # whose lines are all JSON
+            write(follower.track(log), inputs.grid, files.stage)
+    if files is not None and not options.jsonl:  # the output is JSON lines only
         say_written(files)
 
 
 class _Follower:
-    """Labels scans one by one, says each, and keeps them for the report."""
+    """Labels scans one by one, prints each label, and collects them for the report."""
 
-    def __init__(self, given: TrackInputs, options: TrackOptions, progress: Progress) -> None:
-        self._given, self._labeler, self._json_lines = given, given.labeler, options.jsonl
+    def __init__(self, inputs: TrackInputs, options: TrackOptions, progress: Progress) -> None:
+        self._inputs, self._labeler, self._json_lines = inputs, inputs.labeler, options.jsonl
         self._options, self._progress, self._next_check = options, progress, FIRST_CHECK
         self._online: OnlineLabeler | None = None
         self._scans: list[pp.Scan] = []
         self.beliefs: list[NDArray[np.float64]] = []
 
     def add(self, scan: pp.Scan) -> None:
-        """One more scan."""
-        given = self._given
+        """Label and print a scan."""
+        inputs = self._inputs
         if self._online is None:
             self._online = self._labeler.online(
-                scan.geometry, known_map=given.grid, map_prior=given.prior
+                scan.geometry, known_map=inputs.grid, map_prior=inputs.prior
             )
-        extra = None if given.counts is None else given.counts.columns([scan.time_s])[0]
+        extra = None if inputs.counts is None else inputs.counts.columns([scan.time_s])[0]
         belief = self._online.step(scan, extra=extra)
         self._scans.append(scan)
         self.beliefs.append(belief)
         if len(self._scans) == self._next_check:
             self._next_check *= 2
             name = str(self._options.log)
-            for message in given.misfit(
+            for message in inputs.misfit(
                 pp.Trajectory.from_scans(self._scans, name=name), self._options
             ):
                 self._progress.warn(message)
@@ -110,7 +110,7 @@ class _Follower:
         names = self._labeler.label_names
         beliefs = dict(zip(names, belief.tolist(), strict=True))
         x, y, heading = scan.pose.tolist()
-        known, place = self._given.known, None
+        known, place = self._inputs.known, None
         if known is not None and (region := known.places.region_at(x, y)) is not None:
             place = PlaceOfMap(region.id, region.name, region.label)
         record = FoundPlace(scan.time_s, (x, y, heading), names[best], beliefs, place).record()
@@ -118,7 +118,7 @@ class _Follower:
         return {key: value for key, value in record.items() if key not in left_out}
 
     def track(self, log: Path) -> Track:
-        """All that was labelled so far."""
+        """The track of all scans so far."""
         name = "standard input" if str(log) == "-" else log.stem
         table = np.array(self.beliefs, np.float64)
         labels = self._labeler.method_.choose(table)
@@ -127,8 +127,8 @@ class _Follower:
         return Track(path, labeling, tuple(self._labeler.label_names))
 
 
-def _scans(options: TrackOptions, given: TrackInputs) -> Generator[pp.Scan]:
-    """The scans of a log as they come."""
+def _scans(options: TrackOptions, inputs: TrackInputs) -> Generator[pp.Scan]:
+    """The scans of a log as they are written."""
     log, kind = options.log, options.log.suffix.lower()
     if str(log) != "-" and kind == ".gz":
         raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
@@ -137,16 +137,16 @@ def _scans(options: TrackOptions, given: TrackInputs) -> Generator[pp.Scan]:
             f"{log} is a bag, whose index is written when recording ends; track it then, without "
             "--follow"
         )
-    if kind == ".csv" and given.grid is None:
+    if kind == ".csv" and inputs.grid is None:
         raise LogError(
             f"{log} has poses but no scans; pass the map to cast them in: --map MAP.yaml"
         )
     reader = CarmenReader("front", options.max_range_m)
     for number, lines in enumerate(_files(log)):
         if number and not options.quiet:
-            complain(f"{log} was replaced or begun again; going on with the new one")
+            complain(f"{log} was replaced or truncated; reading it from its start")
         if kind == ".csv":
-            yield from _cast_scans(log, lines, given.labeler)
+            yield from _cast_scans(log, lines, inputs.labeler)
         else:
             yield from iter_carmen_scans(lines, reader=reader)
 

@@ -20,8 +20,8 @@ complete -o default -F _pgm_places pgm-places"""
 
 
 def completion(options: Iterable[str], commands: Iterable[Command]) -> str:
-    """A script for bash and zsh; where nothing of ours fits, files are offered."""
-    flags_of = {item.name: [*_flags(item), HELP] for item in commands}
+    """The completion script for bash and zsh; it falls back to file names."""
+    flags_of = {command.name: [*_flags(command), HELP] for command in commands}
     cases = (
         f'        *" {name}") words="{" ".join(flags)}" ;;' for name, flags in flags_of.items()
     )
@@ -29,7 +29,7 @@ def completion(options: Iterable[str], commands: Iterable[Command]) -> str:
 
 
 def _flags(command: Command) -> list[str]:
-    return [flag for item in command.parameters for flag in item.switches]
+    return [flag for param in command.parameters for flag in param.switches]
 
 
 _WIDTH, _WIDEST_NAME = 80, 28
@@ -38,53 +38,58 @@ _SHOW_HELP = (", ".join(reversed(HELP_SWITCHES)), "Show this message and exit.")
 
 
 def help_of(command: Command) -> str:
-    """What a command does and takes."""
-    arguments = [item for item in command.parameters if not item.flags]
-    options = [item for item in command.parameters if item.flags]
-    given = [item.metavar if item.is_required else f"[{item.metavar}]" for item in arguments]
-    parts = [
-        f"Usage: {' '.join(['pgm-places', command.name, '[OPTIONS]', *given])}",
-        *(_filled(paragraph) for paragraph in command.help.split("\n\n")),
-        _table("Arguments", ((item.metavar, _line(item)) for item in arguments)),
-        _table("Options", [*((_name(item), _line(item)) for item in options), _SHOW_HELP]),
+    """The help of a command."""
+    arguments = [param for param in command.parameters if not param.flags]
+    options = [param for param in command.parameters if param.flags]
+    positions = [
+        param.metavar if param.is_required else f"[{param.metavar}]" for param in arguments
     ]
-    return "\n\n".join(part for part in parts if part)
+    sections = [
+        f"Usage: {' '.join(['pgm-places', command.name, '[OPTIONS]', *positions])}",
+        *(_filled(paragraph) for paragraph in command.help.split("\n\n")),
+        _table("Arguments", ((param.metavar, _line(param)) for param in arguments)),
+        _table(
+            "Options",
+            [*((_name(param), _line(param)) for param in options), _SHOW_HELP],
+        ),
+    ]
+    return "\n\n".join(section for section in sections if section)
 
 
 def help_of_all(
     summary: str, options: Mapping[str, str], groups: Mapping[str, Sequence[Command]]
 ) -> str:
-    """What the program does, its own options, and its commands by heading."""
-    widest = max(len(item.name) for commands in groups.values() for item in commands)
-    parts = [
+    """The help of the program: its options, and its commands by heading."""
+    widest = max(len(command.name) for commands in groups.values() for command in commands)
+    sections = [
         "Usage: pgm-places [OPTIONS] COMMAND ...",
         _filled(summary),
         _table("Options", [*options.items(), _SHOW_HELP]),
         *(
-            _table(title, ((item.name, item.summary) for item in commands), widest)
+            _table(title, ((command.name, command.summary) for command in commands), widest)
             for title, commands in groups.items()
         ),
     ]
-    return "\n\n".join(parts)
+    return "\n\n".join(sections)
 
 
-def _name(item: Parameter) -> str:
+def _name(param: Parameter) -> str:
     """``-o, --out PATH``, the short flag first."""
-    flags = ", ".join(sorted(item.flags, key=len))
-    return flags if item.is_switch else f"{flags} {item.metavar}"
+    flags = ", ".join(sorted(param.flags, key=len))
+    return flags if param.is_switch else f"{flags} {param.metavar}"
 
 
-def _line(item: Parameter) -> str:
+def _line(param: Parameter) -> str:
     """A parameter's help and its default."""
-    text = item.declared.help
-    if item.is_required:
-        return f"{text} [required]" if item.flags else text
-    holds = item.default
-    if holds is None and isinstance(item.declared, Option):
-        holds = item.declared.shown_default
-    if holds is None or holds is False or holds == "":
+    text = param.declared.help
+    if param.is_required:
+        return f"{text} [required]" if param.flags else text
+    default = param.default
+    if default is None and isinstance(param.declared, Option):
+        default = param.declared.shown_default
+    if default is None or default is False or default == "":
         return text
-    default = item.flags[0].split("/")[0] if item.is_switch else holds
+    default = param.flags[0].split("/")[0] if param.is_switch else default
     return f"{text} [default: {default}]"
 
 

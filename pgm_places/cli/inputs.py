@@ -1,4 +1,4 @@
-"""Maps and label images that commands are given."""
+"""Reading of the maps and label images of a command."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ def read_map(path: Path, unknown_value: "UnknownGrey | None", progress: "Progres
 def read_labels(
     path: Path, grid: "pp.OccupancyGrid", names_path: Path | None = None
 ) -> "tuple[tuple[str, ...], NDArray[np.int16]]":
-    """The labels that a label image lists, and that of each cell."""
+    """The label names of a label image, and the label of each cell."""
     from pgm_places.io.maps.label_values import listed_names
 
     names = listed_names(path, names_path)

@@ -1,4 +1,4 @@
-"""``pgm-places label``: one map into a folder, or many, each into a folder of its own; index."""
+"""``pgm-places label`` of one map or a batch, and ``index``."""
 
 import shlex
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class WorkerOptions:
-    """The flags; None where one was not given.
+    """Flags of worker processes.
 
     Parameters
     ----------
     jobs
         Worker processes; one per core by default.
     scheduler : ADDRESS
-        Hand the work to this Dask cluster instead.
+        Dask cluster to run on instead.
     memory : SIZE
         Memory limit of each worker, such as 4GB.
     """
@@ -48,12 +48,12 @@ class WorkerOptions:
 def make_workers(
     options: WorkerOptions, n_tasks: int, n_threads: int | None
 ) -> tuple["Workers", int]:
-    """The workers that the flags ask for, and the threads of each.
+    """The workers of the flags, and the threads of each.
 
     Raises
     ------
     InputError
-        The flags contradict each other, or name no size.
+        The flags contradict each other, or the size is invalid.
     """
     from pgm_places.batch.dask_workers import DaskWorkers
     from pgm_places.batch.limits import LEAST_MEMORY, memory_bytes
@@ -63,7 +63,7 @@ def make_workers(
     memory = None if options.memory is None else memory_bytes(options.memory)
     if options.scheduler is not None:
         if options.jobs is not None:
-            raise InputError("--jobs is for this machine; a cluster behind --scheduler has its own")
+            raise InputError("--jobs cannot be combined with --scheduler")
         return DaskWorkers(options.scheduler, memory), n_threads or 1
     cores = resolve_threads()
     jobs = min(options.jobs or cores, max(n_tasks, 1))
@@ -77,7 +77,7 @@ _MOST_NAMES = 10
 
 @dataclass(frozen=True)
 class LabelFlags:
-    """The flags of one map and of many that do not belong to the options of labelling.
+    """Flags other than the options of labelling.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class LabelFlags:
         map_server maps, folders to look through, or quoted patterns.
     corrections : FILE.png|FILE.geojson
         Known labels of a single map: a label image of its size, or polygons and lines in metres
-        with a property 'class'. Every method keeps them.
+        with a property 'class'. No method changes them.
     outputs : pictures,probabilities|none
         What to write besides labels and places; both by default.
     """
@@ -101,18 +101,18 @@ class LabelFlags:
 
 @dataclass(frozen=True)
 class BatchOptions:
-    """The flags that only a batch has.
+    """Flags of a batch.
 
     Parameters
     ----------
     shard : I/N
         Of a batch, label only the I-th of N parts; for job arrays, from 1/N to N/N.
     time_limit_s : SECONDS
-        Of a batch, give up a map after so long.
+        Of a batch, stop labelling a map after this time.
     retry_failed
         Of a batch, label only the maps that failures.csv lists.
     dry_run
-        Of a batch, only say what would be labelled; nothing is written.
+        Of a batch, list the maps that would be labelled and write nothing.
     """
 
     shard: str | None = None
@@ -122,37 +122,37 @@ class BatchOptions:
 
 
 def label_many(
-    asked: LabelFlags,
+    flags: LabelFlags,
     options: LabelOptions,
     workers: WorkerOptions,
     batch: BatchOptions,
     progress: "Progress",
 ) -> None:
-    """Label the maps that are asked for; the exit code says whether one failed."""
+    """Label a batch of maps; exit with code 3 if one failed."""
     from pgm_places.batch.batch_folder import recorded_root
     from pgm_places.batch.found_maps import Shard, find_maps
     from pgm_places.batch.label_batch import label_batch, plan
 
     shard = None if batch.shard is None else Shard.named(batch.shard)
     chosen: dict[str, Any] = {"shard": shard, "only_failed": batch.retry_failed}
-    found = find_maps(asked.maps, asked.out, root=recorded_root(asked.out))
-    if found.n_passed_over:
-        n = found.n_passed_over
-        say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
+    inputs = find_maps(flags.maps, flags.out, root=recorded_root(flags.out))
+    if inputs.n_passed_over:
+        n = inputs.n_passed_over
+        say(f"skipped {n:,} YAML file{_s(n)} without a key 'image'")
     if batch.dry_run:
-        planned = plan(found, asked.out, options, **chosen)
+        planned = plan(inputs, flags.out, options, **chosen)
         say(planned.summary())
         for title, names in planned.lists():
             say(f"{title}: {_first_of(names, len(names))}")
         return
-    processes, threads = make_workers(workers, len(found.maps), asked.n_threads)
+    processes, threads = make_workers(workers, len(inputs.maps), flags.n_threads)
     done = label_batch(
-        found,
-        asked.out,
+        inputs,
+        flags.out,
         options,
         processes,
         n_threads=threads,
-        force=asked.force,
+        force=flags.force,
         limit_s=batch.time_limit_s,
         progress=progress,
         **chosen,
@@ -166,13 +166,13 @@ def label_many(
     for path in done.written:
         say(f"wrote {path}")
     if done.overview.n_rows:
-        say_next(f"open {shlex.quote(f'{asked.out}/index.html')} in a browser")
+        say_next(f"open {shlex.quote(f'{flags.out}/index.html')} in a browser")
     if done.n_failed:
         raise SystemExit(EXIT_MAPS_FAILED)
 
 
 def _first_of(names: Sequence[str], n: int) -> str:
-    """The first of so many names."""
+    """The first names, and how many more there are."""
     more = f" and {n - _MOST_NAMES:,} more" if n > _MOST_NAMES else ""
     return ", ".join(names[:_MOST_NAMES]) + more
 
@@ -180,9 +180,8 @@ def _first_of(names: Sequence[str], n: int) -> str:
 def _say_gone(overview: "Overview") -> None:
     if n := overview.n_gone:
         say(
-            f"no longer in the input: {_first_of(overview.gone, n)}; "
-            f"{'its results stay' if n == 1 else 'their results stay'} until you remove "
-            f"{'the folder' if n == 1 else 'the folders'}"
+            f"no longer in the input: {_first_of(overview.gone, n)}; results are kept until you "
+            f"remove the folder{_s(n)}"
         )
 
 
@@ -197,25 +196,25 @@ def index(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """List all labelled maps of a folder anew, from what lies in it.
+    """Rebuild index.html and the tables of a batch.
 
-    For folders that several batches have filled, of which some were killed, or from which maps were
-    removed: index.html, summary.csv and failures.csv are written again.
+    Use it after several batches wrote to the folder, after a batch was killed, or after you removed
+    maps. It rewrites index.html, summary.csv and failures.csv.
 
     Parameters
     ----------
     folder
-        Folder or address that 'label' wrote many maps to.
+        Folder or address of a batch of 'label'.
     parquet
-        Write places.parquet as well: a row for each place of all maps.
+        Also write places.parquet, with a row per place.
     """
     from pgm_places.batch.batch_folder import index_folder
 
-    found = index_folder(folder, parquet=parquet, force=force, progress=make_progress(quiet=quiet))
-    failed = f", {found.overview.n_failures:,} failed" if found.overview.n_failures else ""
-    say(f"{found.overview.n_rows:,} map{_s(found.overview.n_rows)} labelled{failed}")
-    _say_gone(found.overview)
-    for path in found.written:
+    listed = index_folder(folder, parquet=parquet, force=force, progress=make_progress(quiet=quiet))
+    failed = f", {listed.overview.n_failures:,} failed" if listed.overview.n_failures else ""
+    say(f"{listed.overview.n_rows:,} map{_s(listed.overview.n_rows)} labelled{failed}")
+    _say_gone(listed.overview)
+    for path in listed.written:
         say(f"wrote {path}")
 
 
@@ -226,10 +225,10 @@ _SHARED = {"model": Model, "method": Method, "unknown_value": UnknownValue}
 @grouped("batch", BatchOptions)
 @grouped("workers", WorkerOptions)
 @grouped("options", LabelOptions, without=("outputs", *option_hints(EnteredOptions)), of=_SHARED)
-@grouped("asked", LabelFlags)
+@grouped("flags", LabelFlags)
 def label(
     *,
-    asked: LabelFlags,
+    flags: LabelFlags,
     options: LabelOptions,
     entered: GivenOptions[EnteredOptions],
     workers: WorkerOptions,
@@ -237,63 +236,62 @@ def label(
 ) -> None:
     """Label every free cell of a map, or of many.
 
-    One map is labelled into the folder itself. Several maps, a folder, or any of --jobs,
-    --scheduler, --memory and the options of a batch make one: each map gets its own folder, maps
-    already labelled are kept, and index.html lists them all. The exit code is 3 if some map could
-    not be labelled.
+    The results of one map go into the folder itself. Several maps, a folder, or any of --jobs,
+    --scheduler, --memory and the batch options make a batch: each map gets its own folder, labelled
+    maps are skipped, and index.html lists all. The exit code is 3 if a map could not be labelled.
     """
     from pgm_places.batch.found_maps import names_many
     from pgm_places.io.input_file import is_address
 
-    outputs = options.outputs if asked.outputs is None else Outputs.named(asked.outputs)
+    outputs = options.outputs if flags.outputs is None else Outputs.named(flags.outputs)
     options = replace(options, outputs=outputs, **entered.values)
-    progress, (first, *others) = make_progress(quiet=asked.quiet), asked.maps
+    progress, (first, *others) = make_progress(quiet=flags.quiet), flags.maps
     one = not (
         workers != WorkerOptions()
         or batch != BatchOptions()
         or is_address(first)
-        or is_address(asked.out)
+        or is_address(flags.out)
     )
     if one and not others and not names_many(first):
-        _label_one(asked, options, progress)
+        _label_one(flags, options, progress)
         return
-    if asked.corrections is not None:
+    if flags.corrections is not None:
         raise InputError(
             "--corrections applies to a single map and cannot be combined with a batch"
         )
     _read(options, progress)
-    label_many(asked, options, workers, batch, progress)
+    label_many(flags, options, workers, batch, progress)
 
 
-def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -> None:
+def _label_one(flags: LabelFlags, options: LabelOptions, progress: "Progress") -> None:
     from pgm_places.batch.batch_folder import is_of_batch
     from pgm_places.labelling.files import label_files, write_labelled
     from pgm_places.labelling.label import label as label_grid
     from pgm_places.report.places_summary import places_summary
 
-    if is_of_batch(asked.out) and not asked.force:
+    if is_of_batch(flags.out) and not flags.force:
         raise InputError(
-            f"{asked.out} holds the results of many maps: choose another folder for this map, or "
-            "label it among them with --jobs 1"
+            f"{flags.out} has the results of a batch: choose another folder for this map, or "
+            "add it to the batch with --jobs 1"
         )
     model = _read(options, progress)
     with progress.stage("map"):
-        loaded = read_map(Path(asked.maps[0]), options.unknown_value, progress)
+        loaded = read_map(Path(flags.maps[0]), options.unknown_value, progress)
     observed = None
-    if asked.corrections is not None:
+    if flags.corrections is not None:
         from pgm_places.teaching.paint import Paint
 
-        observed = Paint.read(asked.corrections, loaded.grid, model.labeler.label_names_).labels
+        observed = Paint.read(flags.corrections, loaded.grid, model.labeler.label_names_).labels
     labels = model.labeler.label_names
-    with label_files(asked.out, labels, options.outputs, force=asked.force) as files:
+    with label_files(flags.out, labels, options.outputs, force=flags.force) as files:
         say(shares_line(loaded.fractions))
-        found = write_labelled(
-            label_grid(  # without a name here, so that the labels of a huge map can be freed
+        written = write_labelled(
+            label_grid(  # not bound to a name, so that the labels of a huge map can be freed
                 model,
                 loaded.grid,
                 observed=observed,
                 max_cells=options.max_cells,
-                n_threads=asked.n_threads,
+                n_threads=flags.n_threads,
                 progress=progress,
             ),
             loaded,
@@ -301,13 +299,13 @@ def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -
             model.rules,
             progress,
             outputs=options.outputs,
-            n_threads=asked.n_threads,
+            n_threads=flags.n_threads,
         )
-    say(f"{found.summary}\n{places_summary(found.topology, asked.out)}")
-    if found.unentered is not None:
-        say(f"{found.unentered}; label it with --unentered")
+    say(f"{written.summary}\n{places_summary(written.topology, flags.out)}")
+    if written.unentered is not None:
+        say(f"{written.unentered}; label it with --unentered")
     say_written(files)
-    paths = (asked.out, asked.out / "index.html", asked.maps[0])
+    paths = (flags.out, flags.out / "index.html", flags.maps[0])
     out, page, source = (shlex.quote(str(path)) for path in paths)
     say_next(
         f"open {page} in a browser",
@@ -317,7 +315,7 @@ def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -
 
 
 def _read(options: LabelOptions, progress: "Progress") -> "LoadedModel":
-    """The model; what the flags get wrong shows now."""
+    """The model with the options applied; invalid flags are reported before the work."""
     from pgm_places.labelling.model import LoadedModel
 
     flags = {"doorways": "--doorways", "halls": "--halls", "doorway_depth_m": "--doorway-depth"}

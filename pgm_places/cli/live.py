@@ -31,7 +31,7 @@ FEWEST_STEPS = 10
 
 @dataclass(frozen=True)
 class LiveFlags:
-    """What is asked of a robot and of a replay.
+    """Flags of ``live``, for a robot and for a replay.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ class LiveFlags:
     interface : NAME
         With --dds: network interface, by name or address; Cyclone's choice by default.
     peers : ADDRESS
-        With --dds: a machine to look for where multicast does not pass. Repeatable.
+        With --dds: a machine to contact directly, where multicast is blocked. Repeatable.
     session : FILE
-        Keep the places in this file: they have the same ids the next time.
+        Save the places to this file, so that they have the same ids in the next run.
     seconds
         With --dds: stop after this many seconds.
     out
@@ -76,44 +76,44 @@ class LiveFlags:
 
 @option_flags("node", NodeOptions)
 @option_flags("options", LiveOptions)
-@grouped("asked", LiveFlags)
-def live(asked: LiveFlags, *, node: NodeOptions, options: LiveOptions) -> None:
+@grouped("flags", LiveFlags)
+def live(flags: LiveFlags, *, node: NodeOptions, options: LiveOptions) -> None:
     """Label the places of a robot as it drives and maps. One line for each change of place."""
-    if asked.dds == (asked.replay is not None):
+    if flags.dds == (flags.replay is not None):
         raise ConfigError("live needs a log or a robot: pass --replay LOG, or --dds")
-    given = {"--interface": asked.interface, "--peer": asked.peers, "--local": asked.local}
-    for flag in [flag for flag, value in given.items() if value and not asked.dds]:
+    robot_only = {"--interface": flags.interface, "--peer": flags.peers, "--local": flags.local}
+    for flag in [flag for flag, value in robot_only.items() if value and not flags.dds]:
         raise ConfigError(f"{flag} is for a robot: pass --dds with it")
-    if asked.replay is None:
-        _run_robot(asked, node, options)
+    if flags.replay is None:
+        _run_robot(flags, node, options)
     else:
-        _run_replay(asked, asked.replay, node.map_topic, options)
+        _run_replay(flags, flags.replay, node.map_topic, options)
 
 
-def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions) -> None:
+def _run_replay(flags: LiveFlags, log: Path, map_topic: str, options: LiveOptions) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_ids_file import read_session, write_session
     from pgm_places.labelling.files import LIVE
     from pgm_places.topology.place_ids import PlaceIds
 
-    memory = PlaceIds() if asked.session is None else read_session(asked.session)
-    run = _replay(asked, log, map_topic, options, memory)
+    memory = PlaceIds() if flags.session is None else read_session(flags.session)
+    run = _replay(flags, log, map_topic, options, memory)
     with ExitStack() as stack:
         files = None
-        if asked.out is not None:
-            aside = output_set(asked.out, "live", names=LIVE, force=asked.force)
+        if flags.out is not None:
+            aside = output_set(flags.out, "live", names=LIVE, force=flags.force)
             files = stack.enter_context(aside)
-        _say_all(run, None if files is None else files.stage, asked.jsonl)
-    if asked.session is not None:
-        write_session(asked.session, memory)
-    if files is not None and not asked.jsonl:  # whose lines are all JSON
+        _say_all(run, None if files is None else files.stage, flags.jsonl)
+    if flags.session is not None:
+        write_session(flags.session, memory)
+    if files is not None and not flags.jsonl:  # the output is JSON lines only
         say_written(files)
         pages = [path for path in files.written if path.name == "index.html"]
         say_next(*(f"open {shlex.quote(str(path))} in a browser" for path in pages))
 
 
-def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> None:
+def _run_robot(flags: LiveFlags, node: NodeOptions, options: LiveOptions) -> None:
     """``pgm-places live --dds``."""
     for module in ("cyclonedds", "rosbags"):
         needed(module, extra="dds", purpose="live --dds")
@@ -121,37 +121,37 @@ def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> Non
     from pgm_places.live.map_process import MapProcess
     from pgm_places.live.place_finder import PlaceFinder
 
-    network = DdsNetwork(asked.local, asked.interface or "", tuple(asked.peers or ()))
-    network.config()  # refused before anything is started
-    progress = make_progress(quiet=asked.quiet)
+    network = DdsNetwork(flags.local, flags.interface or "", tuple(flags.peers or ()))
+    network.config()  # invalid values are reported before anything is started
+    progress = make_progress(quiet=flags.quiet)
 
-    def show(found: "FoundPlace") -> None:
-        if found.changed:
-            say(_place_line(found, asked.jsonl))
+    def show(place: "FoundPlace") -> None:
+        if place.changed:
+            say(_place_line(place, flags.jsonl))
 
     session = MapProcess(
-        asked.model, method=asked.method, n_threads=asked.n_threads, session=asked.session
+        flags.model, method=flags.method, n_threads=flags.n_threads, session=flags.session
     )
     try:
         with progress.stage("model"):
-            tracker = pp.TrajectoryLabeler.from_places(pp.trained_labeler(asked.model))
+            tracker = pp.TrajectoryLabeler.from_places(pp.trained_labeler(flags.model))
             finder = PlaceFinder(tracker, options)
             finder.warm_up()
         robot = DdsNode(
             finder, session, progress.warn, node, options, on_place=show, network=network
         )
-        robot.run(float("inf") if asked.seconds is None else asked.seconds)
+        robot.run(float("inf") if flags.seconds is None else flags.seconds)
     except KeyboardInterrupt:
-        if not asked.quiet:
+        if not flags.quiet:
             complain("stopped")
     finally:
         session.close()
 
 
 def _replay(
-    asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions, memory: "PlaceIds"
+    flags: LiveFlags, log: Path, map_topic: str, options: LiveOptions, memory: "PlaceIds"
 ) -> "Replay":
-    """The log, with the maps that it holds in the frame of its poses."""
+    """The replay of a log, with its maps in the frame of its poses."""
     from pgm_places.io.logs.bags import read_map_messages
     from pgm_places.io.logs.trajectories import read_trajectory
     from pgm_places.labelling.model import LoadedModel
@@ -161,42 +161,42 @@ def _replay(
     from pgm_places.live.replay import Replay
     from pgm_places.sensing.map_agreement import check_agreement
 
-    progress = make_progress(quiet=asked.quiet)
-    model = LoadedModel.load(ModelOptions(model=asked.model, method=asked.method))
+    progress = make_progress(quiet=flags.quiet)
+    model = LoadedModel.load(ModelOptions(model=flags.model, method=flags.method))
     with progress.stage("log"):
         maps = list(read_map_messages(log, map_topic))
         frame = maps[0].frame if maps else None
-        loaded = read_trajectory(log, range_max_m=asked.max_range_m, fixed_frame=frame)
+        loaded = read_trajectory(log, range_max_m=flags.max_range_m, fixed_frame=frame)
     warnings = list(loaded.warnings)
     if maps:
-        # The last map covers what was driven before it was sent.
-        last = max(maps, key=lambda item: item.time_s)
+        # The last map covers the drive up to its time stamp.
+        last = max(maps, key=lambda message: message.time_s)
         driven = int((loaded.trajectory.times_s <= last.time_s).sum())
         poor = check_agreement(
             last.grid,
             loaded.trajectory[:driven] if driven >= FEWEST_STEPS else loaded.trajectory,
             f"the map on {map_topic}",
-            force=asked.force,
-            otherwise="--force replays it all the same",
+            force=flags.force,
+            otherwise="--force replays it anyway",
         )
         warnings += [] if poor is None else [poor]
     for message in warnings:
         progress.warn(message)
     finder = PlaceFinder(pp.TrajectoryLabeler.from_places(model.labeler), options)
-    live_map = LiveMap(model, memory=memory, n_threads=asked.n_threads)
+    live_map = LiveMap(model, memory=memory, n_threads=flags.n_threads)
     run = Replay(loaded.trajectory, finder, live_map, options, maps)
     if run.counts_metres:
         n_stamps = len(set(run.drive.times_s.tolist()))
         progress.warn(
-            f"{len(run.drive)} scans have {n_stamps} time "
-            f"{'stamp' if n_stamps == 1 else 'stamps'}, which do not tell when they were taken: "
-            "metres driven count as seconds, for --relabel-min-period and --hysteresis too"
+            f"the {len(run.drive)} scans have only {n_stamps} distinct time "
+            f"{'stamp' if n_stamps == 1 else 'stamps'}: metres driven are used as seconds, "
+            "also for --relabel-min-period and --hysteresis"
         )
     return run
 
 
 def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
-    """A line for each change and each map, and where a folder is given, the files."""
+    """Print a line per change of place and per map; write the files if there is a folder."""
     from pgm_places.labelling.files import write_topology
     from pgm_places.live.live_map import LiveLabels
 
@@ -205,47 +205,47 @@ def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
         lines = None
         if folder is not None:
             lines = stack.enter_context((folder / PLACES_FILE).open("w", encoding="utf-8"))
-        for item in run:
-            if isinstance(item, LiveLabels):
-                last = item
-                for message in item.warnings:
+        for event in run:
+            if isinstance(event, LiveLabels):
+                last = event
+                for message in event.warnings:
                     complain(message)
-                say(_map_line(item, json_lines))
+                say(_map_line(event, json_lines))
                 continue
             if lines is not None:
-                lines.write(_json(item.record()) + "\n")
-            if item.changed:
-                say(_place_line(item, json_lines))
+                lines.write(_json(event.record()) + "\n")
+            if event.changed:
+                say(_place_line(event, json_lines))
     if folder is not None and last is not None:
         write_topology(folder, last.topology.grid, last.topology, title=run.drive.name)
 
 
-def _place_line(found: "FoundPlace", json_lines: bool) -> str:
+def _place_line(place: "FoundPlace", json_lines: bool) -> str:
     if json_lines:
-        return _json(found.record())
-    x, y, _ = found.pose
-    region = "-" if found.region is None else found.region.name
-    return f"{found.time_s:.3f} {x:.3f} {y:.3f} {found.label} {found.probability:.3f} {region}"
+        return _json(place.record())
+    x, y, _ = place.pose
+    region = "-" if place.region is None else place.region.name
+    return f"{place.time_s:.3f} {x:.3f} {y:.3f} {place.label} {place.probability:.3f} {region}"
 
 
-def _map_line(found: "LiveLabels", json_lines: bool) -> str:
-    """What a new map has changed."""
-    n_places = len(found.topology.regions)
+def _map_line(labels: "LiveLabels", json_lines: bool) -> str:
+    """A line on the places of a new map."""
+    n_places = len(labels.topology.regions)
     if json_lines:
         record = {
-            "map_seq": found.map_seq,
+            "map_seq": labels.map_seq,
             "places": n_places,
-            "appeared": list(found.appeared),
-            "vanished": list(found.vanished),
+            "appeared": list(labels.appeared),
+            "vanished": list(labels.vanished),
         }
         return _json(record)
-    names = {region.id: region.name for region in found.topology.regions}
-    new = ", ".join(names[place] for place in found.appeared)
-    gone = f"; {len(found.vanished)} gone" if found.vanished else ""
-    return f"map {found.map_seq}: {n_places} places{f'; new: {new}' if new else ''}{gone}"
+    names = {region.id: region.name for region in labels.topology.regions}
+    new = ", ".join(names[place] for place in labels.appeared)
+    gone = f"; {len(labels.vanished)} gone" if labels.vanished else ""
+    return f"map {labels.map_seq}: {n_places} places{f'; new: {new}' if new else ''}{gone}"
 
 
 def _json(record: Mapping[str, Any]) -> str:
-    import json  # only here: help does without it
+    import json  # local, to keep the help fast
 
     return json.dumps(record, ensure_ascii=False)

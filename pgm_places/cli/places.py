@@ -1,4 +1,4 @@
-"""Commands about places: topology, export, where, and changes by hand: rename, merge and split."""
+"""The commands topology, export, where, rename, merge and split."""
 
 import shlex
 from collections.abc import Iterator, Sequence
@@ -40,8 +40,8 @@ def topology(
 ) -> None:
     """Find the places in a labelled map and their connections.
 
-    For labels that 'label' wrote, the settings and gates that it left beside them are used instead
-    of the defaults. Flags override both.
+    For labels written by 'label', its settings and gates are used instead of the defaults. Flags
+    override both.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def topology(
         loaded = read_map(map_yaml, unknown_value, progress)
         names, labels = read_labels(labels_png, loaded.grid, names_file)
         settings = load_settings(labels_png.parent) or PlaceSettings(TopologyOptions())
-        rules = given.over(settings.rules)
+        rules = given.applied_to(settings.rules)
         cells = LabelledCells(
             loaded.grid,
             labels,
@@ -78,7 +78,7 @@ def topology(
     if (path := settings_path(labels_png.parent)).exists():
         say(_settings_line(path, rules, cells.doorways))
     elif given.values.get("doorways") == "gates":
-        progress.warn(f"--doorways gates: there is no {SETTINGS_FILE} with gates beside the labels")
+        progress.warn(f"--doorways gates: no {SETTINGS_FILE} with gates next to the labels")
     with (
         output_set(
             out, "topology", names=(*PLACES, *SETTINGS), force=force, replaces=OLD_FILES
@@ -96,7 +96,7 @@ def topology(
 def _probabilities(
     labels_png: Path, names: Sequence[str], grid: "pp.OccupancyGrid"
 ) -> dict[str, Any]:
-    """The probabilities beside labels, and their cells; of labels changed since, none are known."""
+    """The probabilities in the folder of the labels; none if the labels were changed since."""
     from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import is_as_written
     from pgm_places.io.places.topology_files import load_hall, load_probabilities
@@ -110,7 +110,7 @@ def _probabilities(
 
 
 def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | None") -> str:
-    """Where the settings are from, and which of them depart from the defaults."""
+    """The file of the settings, and the settings that differ from the defaults."""
     usual = option_values(TopologyOptions())
     changed = [
         f"{key} = {value}" for key, value in option_values(rules).items() if value != usual[key]
@@ -137,8 +137,8 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
             + "; and at ".join(openings)
         )
     return lines or [
-        f"no split proposed: no place is divided by constrictions under {narrower_than_m:g} m, "
-        "alone or two or three together"
+        f"no split proposed: no place is divided by up to three constrictions under "
+        f"{narrower_than_m:g} m"
     ]
 
 
@@ -171,7 +171,7 @@ def export(
     keep_out
         For nav2 and nav2-route: a class or a place to keep out of. Repeatable.
     map_yaml : MAP.yaml
-        For nav2 and map: the map; by default the one that was labelled.
+        For nav2 and map: the map; by default the labelled one.
     """
     from pgm_places.cli.place_exports import write_export
     from pgm_places.io.output_set import output_set
@@ -180,7 +180,7 @@ def export(
 
     topology, target = load_named_topology(folder), out or folder
     inside = target.resolve() == folder.resolve()
-    asked = ExportRequest(
+    request = ExportRequest(
         to,
         tuple(values or ()),
         robot_radius_m,
@@ -189,15 +189,15 @@ def export(
         None if inside else str(target.resolve()),
     )
     with output_set(target, f"export {to}", force=force, shared=True) as files:
-        summary = write_export(asked, files.stage, folder, target, topology)
+        summary = write_export(request, files.stage, folder, target, topology)
         if inside:
-            record_exports(files.stage, folder, [asked])
+            record_exports(files.stage, folder, [request])
     if not inside:
         try:
             with output_set(folder, "export", shared=True, force=True, keeps_owners=True) as beside:
-                record_exports(beside.stage, folder, [asked])
+                record_exports(beside.stage, folder, [request])
         except (InputError, OutputError) as error:
-            complain(f"{error}; 'rename' will not say that {target} keeps an earlier name")
+            complain(f"{error}; 'rename' will not know of the export in {target}")
     if summary:
         say(summary)
     say_written(files)
@@ -242,16 +242,16 @@ def where(
 
 
 def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:
-    """Give a place a name of your own, in all files of its folder.
+    """Rename a place in all files of its folder.
 
-    All files change at once, or none; exports in the folder are written again with the name.
+    Either all files change or none. Exports in the folder are updated.
 
     Parameters
     ----------
     name
         Its new name.
     """
-    from pgm_places.batch.batch_folder import write_check_first, write_row_again
+    from pgm_places.batch.batch_folder import rewrite_row, write_check_first
     from pgm_places.cli.place_exports import write_export
     from pgm_places.io.output_set import is_as_written
     from pgm_places.io.places.result_folder import record_exports, recorded_exports
@@ -261,14 +261,14 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
 
     topology = load_named_topology(folder)
     region = topology.place(_key(place))
-    edited = renamed(topology, {region.id: name})  # a name that another place has is refused here
-    exports = [item.renamed(region.name, name) for item in recorded_exports(folder)]
+    edited = renamed(topology, {region.id: name})  # fails if another place has this name
+    exports = [request.renamed(region.name, name) for request in recorded_exports(folder)]
     changed = []
     with _edited(folder, edited, "rename") as files:
         own = {*file_names(files.stage)}
-        for item in exports:
-            if item.out is None and (
-                summary := write_export(item, files.stage, folder, folder, edited)
+        for request in exports:
+            if request.out is None and (
+                summary := write_export(request, files.stage, folder, folder, edited)
             ):
                 say(summary)
         if exports:
@@ -281,19 +281,23 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
                 changed.append(file)
     if is_first:
         try:
-            write_row_again(folder)
+            rewrite_row(folder)
         except OutputError as error:
-            complain(f"{error}; the index of all maps keeps the earlier name")
-    say(f"place {region.id} is called {name!r} (in {folder})")
-    away = [f"{item.to} in {item.out}" for item in exports if item.out and Path(item.out).is_dir()]
+            complain(f"{error}; the index of all maps still has the old name")
+    say(f"renamed place {region.id} to {name!r} in {folder}")
+    away = [
+        f"{request.to} in {request.out}"
+        for request in exports
+        if request.out and Path(request.out).is_dir()
+    ]
     if away:
-        complain(f"exports in other folders keep the earlier name: {', '.join(away)}")
+        complain(f"exports in other folders still have the old name: {', '.join(away)}")
     for file in changed:
-        complain(f"{folder / file} was changed since it was exported and keeps the earlier name")
+        complain(f"{folder / file} was changed since it was exported and still has the old name")
 
 
 def merge(folder: Places, first: Place, second: Annotated[str, Argument("OTHER")]) -> None:
-    """Merge two places into one. It keeps the id and the name of the first.
+    """Merge two places into one. The first keeps its id and name.
 
     Parameters
     ----------
@@ -314,15 +318,15 @@ def split(
 ) -> None:
     """Split a place: along a line, at a point, or into its rooms. Without a place, split all.
 
-    A line is a plain cut: the parts touch, without a doorway between. A point splits the place
-    where it is narrowest. The rooms are those that 'label' and check.csv propose.
+    A line is a plain cut, without a doorway. A point splits the place at the narrowest opening
+    nearby. Without points, the place is split into the rooms suggested by 'label' (see check.csv).
 
     Parameters
     ----------
     place
-        Its id or name; none to split every place that could be several rooms.
+        Its id or name; without it, every place with suggested rooms is split.
     points
-        A point, or the ends of a line (m); none to split it into the rooms that it looks like.
+        A point, or the ends of a line (m).
     """
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology import place_edits
@@ -338,7 +342,7 @@ def split(
         edited = place_edits.split_across(topology, _key(place), points[:2], points[2:])
     else:
         raise InputError(
-            f"split takes a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"
+            f"split expects a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"
         )
     _write(folder, topology, edited, "split")
 
@@ -367,7 +371,7 @@ def _write(folder: Path, before: "TopologicalMap", after: "TopologicalMap", by: 
 
 @contextmanager
 def _edited(folder: Path, topology: "TopologicalMap", by: str) -> "Iterator[OutputSet]":
-    """The files of edited places as a set, to which others can be added."""
+    """The output files of edited places; the caller may add others."""
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_settings import PlaceSettings, load_settings, save_settings
     from pgm_places.io.places.result_folder import (
@@ -380,11 +384,11 @@ def _edited(folder: Path, topology: "TopologicalMap", by: str) -> "Iterator[Outp
     from pgm_places.labelling.files import PLACES, label_record, labelled_map, write_topology
     from pgm_places.pictures.map_page import earlier_title
 
-    # The command that wrote a file goes on owning it.
+    # A file stays owned by the command that wrote it first.
     with output_set(
         folder, by, force=True, shared=True, replaces=OLD_FILES, keeps_owners=True
     ) as files:
-        if settings_path(folder).name == PLACES_FILE:  # of an earlier version: its name is taken
+        if settings_path(folder).name == PLACES_FILE:  # of an earlier version, with another meaning
             save_settings(files.stage, load_settings(folder) or PlaceSettings(TopologyOptions()))
         names = {*file_names(folder.resolve()), *PLACES} - {OLD_PLACES_FILE}
         page: PageFacts = {"names": names, "warnings": label_record(folder).get("warnings", ())}
@@ -393,6 +397,6 @@ def _edited(folder: Path, topology: "TopologicalMap", by: str) -> "Iterator[Outp
         if path is not None:
             page["map_name"], source = path.name, pp.load_map(path)
             if source.grid.frame == grid.frame and source.grid.shape == grid.shape:
-                grid = source.grid  # with its walls, for the pictures
+                grid = source.grid  # includes the walls, for the pictures
         write_topology(files.stage, grid, topology, title=title, page=page)
         yield files

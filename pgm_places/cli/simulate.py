@@ -1,4 +1,4 @@
-"""``pgm-places simulate`` and ``simulate-map``: a robot's log, and maps as it makes them."""
+"""``pgm-places simulate`` and ``simulate-map``: simulated robot logs and robot maps."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -122,7 +122,7 @@ def simulate(
 
     if (map_yaml is None) is not demo:
         raise InputError("simulate needs a map, or --demo for a generated building, but not both")
-    check_name(out)  # a name that cannot be written shows before the work, not after
+    check_name(out)  # invalid names are reported before the work
     odometry = OdometryNoise(seed=seed).scaled(odometry_noise)
     robot = SimulatedRobot.of(motion, replace(laser, seed=seed), odometry)
     progress = make_progress(quiet=quiet)
@@ -147,7 +147,7 @@ def simulate(
 
 
 def _file_names(out: Path, *, demo: bool) -> list[str]:
-    """The files that a drive is written to, but for those in a bag that is a folder."""
+    """The output files of a drive, without the files inside a ROS 2 bag's folder."""
     stem = _stem(out)
     names = [f"{stem}.png"] + [out.name] * bool(out.suffix)
     if out.suffix != ".csv":

@@ -1,4 +1,4 @@
-"""The command studio: reads the files it is given, then serves the map to a browser."""
+"""``pgm-places studio``: reads the maps, then serves them to a browser."""
 
 from functools import partial
 from pathlib import Path
@@ -46,25 +46,23 @@ def studio(
     Parameters
     ----------
     maps
-        A map_server map, or several, listed with their progress.
+        One or several map_server maps.
     labels
-        Label image to compare with, such as the truth; may be given several times.
+        Label image to compare with, such as the ground truth. Repeatable.
     model
-        Folder written by 'train', or the name of a shipped model; none to learn from the paint
-        alone.
+        Folder written by 'train', or the name of a shipped model; none to train on the paint alone.
     out
-        Folder for the paint and the exports; MAP-studio by default, of several maps a folder each
-        in maps-studio.
+        Folder for the paint and the exports; by default MAP-studio, or for several maps
+        maps-studio with a folder for each.
     corrections : FILE
-        Paint to begin with, as the studio exports it: a label image or GeoJSON. What is painted
-        already stays.
+        Initial paint: a label image or GeoJSON, as exported by the studio. Cells that are already
+        painted do not change.
     drive : LOG
-        A drive in the map's frame, whose path is shown.
+        A drive in the map's frame; its path is shown.
     export_to : DIR
-        Folder that exports may also go to, beside those below the current one; may be given several
-        times.
+        A further folder for exports, besides those below the current one. Repeatable.
     port
-        Port to listen on; 0 for any that is free.
+        Port to listen on; 0 for any free port.
     no_browser
         Print the address without opening it.
     """
@@ -111,16 +109,16 @@ def studio(
         return session
 
     tables = [path.with_suffix(".yaml") for path in labels or ()]
-    given = [*maps, *(labels or ()), *tables, *(() if drive is None else (drive,))]
+    inputs = [*maps, *(labels or ()), *tables, *(() if drive is None else (drive,))]
     if loaded_model is not None and model not in NAMES:
-        given.append(Path(model))
-    places = ExportFolders.started_here(export_to or (), given)
+        inputs.append(Path(model))
+    places = ExportFolders.started_here(export_to or (), inputs)
     if len(maps) == 1:
         with progress.stage("map"):
             session = opened(maps[0], out or Path(f"{maps[0].stem}-studio"))
         pool = SessionPool.of(session, places)
     else:
-        pool = _shelf_of(maps, out or Path("maps-studio"), opened, places)
+        pool = _session_pool(maps, out or Path("maps-studio"), opened, places)
     try:
         serve(
             pool, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
@@ -129,7 +127,7 @@ def studio(
         pool.close()
 
 
-def _shelf_of(
+def _session_pool(
     maps: "Sequence[Path]",
     folder: Path,
     opened: "Callable[[Path, Path], MapSession]",
@@ -138,30 +136,30 @@ def _shelf_of(
     """A pool of several maps, each with a folder of its own."""
     from pgm_places.studio.session_pool import MapEntry, SessionPool
 
-    books: list[MapEntry] = []
+    entries: list[MapEntry] = []
     for map_yaml in maps:
         if not map_yaml.is_file():
             raise InputError(f"{map_yaml}: no such file; give the YAML file of a map")
-        same = map_yaml.stem == "map" or any(map_yaml.stem == book.title for book in books)
+        same = map_yaml.stem == "map" or any(map_yaml.stem == entry.title for entry in entries)
         title = f"{map_yaml.resolve().parent.name}-{map_yaml.stem}" if same else map_yaml.stem
-        if any(title == book.title for book in books):
+        if any(title == entry.title for entry in entries):
             raise InputError(f"{map_yaml}: two maps would be called {title!r}; rename one of them")
         own = folder / title
-        books.append(MapEntry(title, own, partial(opened, map_yaml, own)))
+        entries.append(MapEntry(title, own, partial(opened, map_yaml, own)))
     folder.mkdir(parents=True, exist_ok=True)
-    return SessionPool(books, folder, export_folders)
+    return SessionPool(entries, folder, export_folders)
 
 
 def _given(paths: "Sequence[Path]", grid: "pp.OccupancyGrid") -> "list[GivenLabels]":
-    """Labels to compare with, each by the name of its file."""
+    """Labels to compare with, titled by file name."""
     from pgm_places.studio.layers import GivenLabels
 
-    found: list[GivenLabels] = []
+    compared: list[GivenLabels] = []
     for path in paths:
         names, labels = read_labels(path, grid)
-        title = path.name if all(path.name != item.title for item in found) else str(path)
-        found.append(GivenLabels(title, labels, names))
-    return found
+        title = path.name if all(path.name != other.title for other in compared) else str(path)
+        compared.append(GivenLabels(title, labels, names))
+    return compared
 
 
 def _path(drive: Path, loaded: "MapFile", progress: "Progress") -> "NDArray[np.float64]":
@@ -180,7 +178,7 @@ def _path(drive: Path, loaded: "MapFile", progress: "Progress") -> "NDArray[np.f
 
 
 def _announce(address: str, *, browser: bool) -> None:
-    say(f"{address}\nOnly this computer can open it. Ctrl-C ends the studio; all edits are kept.")
+    say(f"{address}\nOnly this computer can open it. Press Ctrl-C to stop; all edits are saved.")
     if browser:
         import webbrowser
 

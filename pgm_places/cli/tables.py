@@ -24,7 +24,7 @@ _IN_TERMINALS = ("results", "differences", "by_label", "doors", "by_split", "by_
 
 
 def comparison_table(comparison: "Comparison") -> str:
-    """The tables of a comparison that tell methods apart, then what was chosen, as text."""
+    """The main tables of a comparison, then the options chosen on training data, as text."""
     from pgm_places.report.comparison_tables import comparison_tables
 
     tables = comparison_tables(comparison)
@@ -34,7 +34,7 @@ def comparison_table(comparison: "Comparison") -> str:
         if name in tables
     ]
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
-    note = "* better beyond chance; of a split, the highest; a-b: 95 % interval"
+    note = "* significantly better; of a split, the highest; a-b: 95 % interval"
     n_seeds = len(comparison.seeds)
     note += f"; ±: standard deviation over {n_seeds} seeds" if n_seeds else ""
     parts.append(f"({note}; stages: {stages})")

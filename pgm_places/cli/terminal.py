@@ -19,16 +19,16 @@ _LONGEST = 2000
 
 
 def say(text: str) -> None:
-    """Print lines of results to standard output, at once.
+    """Print lines to standard output and flush it.
 
     Raises
     ------
     OutputError
-        They cannot be written, as on a full disk.
+        Writing failed, as on a full disk.
     """
     try:
         sys.stdout.write(escape_control(text, keep="\n") + "\n")
-        sys.stdout.flush()  # the reader of a pipe gets each line at once
+        sys.stdout.flush()  # pipes receive each line immediately
     except BrokenPipeError:  # the reader closed the pipe: not an error
         raise
     except OSError as error:
@@ -38,7 +38,7 @@ def say(text: str) -> None:
 
 
 def say_written(files: "OutputSet") -> None:
-    """Print a line for every file of a set that has been swapped in."""
+    """Print a line for each file that was written."""
     for path in files.written:
         say(f"wrote {path}")
 
@@ -61,7 +61,7 @@ def complain(message: str) -> None:
     if len(text) > _LONGEST:
         text = f"{text[:_LONGEST]} ..."
     with contextlib.suppress(OSError, ValueError):  # stream full or closed: cannot report it
-        print(text, file=sys.stderr, flush=True)  # noqa: T201  the command line speaks
+        print(text, file=sys.stderr, flush=True)  # noqa: T201
 
 
 def make_progress(*, quiet: bool) -> "BarProgress | QuietProgress":

@@ -1,4 +1,4 @@
-"""``pgm-places track``: label a whole log, or one that is still being written."""
+"""``pgm-places track``: label a complete log, or one that is still being written."""
 
 from pgm_places.cli.declarations import grouped
 from pgm_places.cli.track_options import TrackOptions
@@ -9,7 +9,7 @@ from pgm_places.errors import ConfigError
 def track(options: TrackOptions) -> None:
     """Label the places along a trajectory. The log may be complete or growing."""
     if options.jsonl and not options.follow:
-        raise ConfigError("--jsonl is for --follow; beliefs.csv has a row per scan of a whole log")
+        raise ConfigError("--jsonl requires --follow; for a complete log, see beliefs.csv")
     from pgm_places.cli.track_log import stored_model
 
     if options.follow:

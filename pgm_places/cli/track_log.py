@@ -1,4 +1,4 @@
-"""``pgm-places track`` of a whole log: labelled, alone or with its map, written, summed up."""
+"""``pgm-places track`` of a complete log, with or without its map."""
 
 import shlex
 from dataclasses import dataclass, replace
@@ -39,14 +39,13 @@ from pgm_places.trained import DEFAULT, TRACKING, model_folder
 from pgm_places.vision.object_counts import ObjectCounts
 
 MOST_CHANGED = 0.01
-"""Change of a transition, made so that it can be rescaled, that nobody needs to know of."""
+"""Largest change of a transition probability by ``--every`` without a warning."""
 
 
 def stored_model(options: TrackOptions) -> Stored:
-    """The model that is named, or the default one, of a kind that labels drives."""
-    # The shipped model of maps where there is one to cast scans in, else that of drives.
-    usual = TRACKING if options.map_yaml is None else DEFAULT
-    folder = model_folder(options.model or usual)
+    """The model of the options; by default the one for maps if there is a map, else for drives."""
+    default = TRACKING if options.map_yaml is None else DEFAULT
+    folder = model_folder(options.model or default)
     return read(folder, "place-labeler", "trajectory-labeler", "joint-labeler")
 
 
@@ -55,7 +54,7 @@ def track_labeler(
 ) -> pp.TrajectoryLabeler:
     """The labeler of a stored model, with the options of the command."""
     labeler = stored.item
-    if stored.kind == "place-labeler":  # with what it knows of moving robots
+    if stored.kind == "place-labeler":  # stores the tracking parameters, too
         labeler = pp.TrajectoryLabeler.from_places(labeler)
     if isinstance(labeler.method_, HiddenMarkovModel):
         labeler = _changed(labeler, method__mode=options.mode)
@@ -72,41 +71,40 @@ def track_labeler(
             labeler, changed = labeler.updated_every(options.every_m)
         if changed > MOST_CHANGED:
             progress.warn(
-                f"--every {options.every_m:g}: the transitions of this model are not exactly "
-                "those of any continuous motion; the nearest that are differ by up to "
-                f"{changed:.3f} in a probability. For the best labels, train a model at this "
-                "distance"
+                f"--every {options.every_m:g}: the model's transitions can only be rescaled "
+                f"approximately (error of a probability: up to {changed:.3f}); for the best "
+                "labels, train a model at this distance"
             )
     return labeler
 
 
 def _changed(labeler: pp.TrajectoryLabeler, **options: object) -> pp.TrajectoryLabeler:
-    """The labeler with other options; what it refuses is named by its flag."""
+    """The labeler with other options; option errors name the flags."""
     with named_as_flags({"mode": "--mode", "missing": "--beams", "every_m": "--every"}):
         return labeler.with_options(**options)
 
 
 def map_of(options: TrackOptions, progress: Progress) -> MapFile | None:
-    """The map in the frame of the log, if one is named, with its warnings on standard error."""
+    """The map of ``--map``, or None; prints its warnings."""
     if options.map_yaml is None:
         return None
     return read_map(options.map_yaml, options.unknown_value, progress)
 
 
 @dataclass(frozen=True)
-class Seen:
-    """The objects that a camera saw, as the columns that the model wants."""
+class CountColumns:
+    """Object counts of a camera, as extra feature columns of the model."""
 
     counts: ObjectCounts
     names: tuple[str, ...]
     within_s: float
 
     def columns(self, times_s: ArrayLike) -> NDArray[np.float32]:
-        """(T, D) counts at the times of T scans."""
+        """(T, D) object counts at T scan times."""
         return self.counts.at(times_s, within_s=self.within_s, object_names=self.names)
 
     def complaints(self, times_s: ArrayLike) -> list[str]:
-        """Warnings about them."""
+        """Warnings about counts that match no scan."""
         if (self.counts.seconds_from(times_s) <= self.within_s).any():
             return []
         return [
@@ -115,10 +113,10 @@ class Seen:
         ]
 
 
-def seen_objects(
+def count_columns(
     options: TrackOptions, labeler: pp.TrajectoryLabeler, progress: Progress
-) -> Seen | None:
-    """The counts of objects, if the model learned with any."""
+) -> CountColumns | None:
+    """The object counts of ``--counts``, if the model was trained with any."""
     names = labeler.scan_model_.extra_names
     if options.counts is None and names:
         raise ConfigError(
@@ -136,12 +134,12 @@ def seen_objects(
             f"({', '.join(names)}); it has {', '.join(counts.object_names)}"
         )
     if missing:
-        progress.warn(f"{options.counts} has no {', '.join(missing)}: counted as never seen")
-    return Seen(counts, names, options.counts_within_s)
+        progress.warn(f"{options.counts} has no {', '.join(missing)}: counted as 0")
+    return CountColumns(counts, names, options.counts_within_s)
 
 
 class TrackInputs(NamedTuple):
-    """What a log is labelled with.
+    """Inputs of ``track`` besides the log.
 
     Parameters
     ----------
@@ -149,52 +147,52 @@ class TrackInputs(NamedTuple):
     grid : OccupancyGrid or None
         The map in the frame of the log.
     known : LabelledMapFolder or None
-        The map that was labelled beforehand.
-    counts : Seen or None
-        Objects, if the model learned with any.
+        The labelled map of ``--map-labels``.
+    counts : CountColumns or None
+        Object counts, if the model was trained with any.
     """
 
     labeler: pp.TrajectoryLabeler
     grid: pp.OccupancyGrid | None
     known: LabelledMapFolder | None
-    counts: Seen | None
+    counts: CountColumns | None
 
     @classmethod
     def of(cls, stored: Stored, options: TrackOptions, progress: Progress) -> "TrackInputs":
-        """Those that the options name."""
+        """Read the inputs of the options."""
         labeler, source = track_labeler(stored, options, progress), map_of(options, progress)
         known = None
         if options.map_labels is not None:
             known = read_labelled_map(options.map_labels, labeler.label_names)
-        counts = seen_objects(options, labeler, progress)
+        counts = count_columns(options, labeler, progress)
         return cls(labeler, None if source is None else source.grid, known, counts)
 
     @property
     def prior(self) -> MapPrior | None:
-        """How probable each label is at positions, by the map that was labelled beforehand."""
+        """Label probabilities at positions, from the labelled map."""
         return None if self.known is None else self.known.prior
 
     @property
     def drawn_map(self) -> pp.OccupancyGrid | None:
-        """The map, or the one that was labelled beforehand."""
+        """The map to draw on: the one of ``--map``, else the labelled one."""
         known = None if self.known is None else self.known.places.grid
         return known if self.grid is None else self.grid
 
     def misfit(self, drive: pp.Trajectory, options: TrackOptions) -> list[str]:
-        """A warning where the drive does not fit the map; a drive that fits it badly is refused."""
+        """A warning if the drive fits the map poorly; a bad fit is an error."""
         grid = self.drawn_map
         name = options.map_yaml or options.map_labels
         return [] if grid is None else misfit(grid, drive, f"{name}", options)
 
 
 def run_track(stored: Stored, options: TrackOptions) -> None:
-    """Label a complete log with a model of drives, or one of maps."""
+    """Label a complete log."""
     out, progress = folder_for(options), make_progress(quiet=options.quiet)
-    given = TrackInputs.of(stored, options, progress)
+    inputs = TrackInputs.of(stored, options, progress)
     with output_set(out, "track", names=TRACK, force=options.force) as files:
-        track = _track(given, options, progress)
+        track = _track(inputs, options, progress)
         with progress.stage("writing files"):
-            write(track, given.grid, files.stage)
+            write(track, inputs.grid, files.stage)
     say(summary(track))
     say_written(files)
     say_next(f"open {shlex.quote(str(out / 'report.html'))} in a browser")
@@ -203,14 +201,20 @@ def run_track(stored: Stored, options: TrackOptions) -> None:
 def misfit(
     grid: OccupancyGrid, drive: pp.Trajectory, map_name: str, options: TrackOptions
 ) -> list[str]:
-    """A warning where a drive does not fit a map; below half of it, only with --force."""
-    otherwise = "--force labels it all the same"
+    """A warning if a drive fits a map poorly; a bad fit is an error without --force."""
+    otherwise = "--force labels it anyway"
     message = check_agreement(grid, drive, map_name, force=options.force, otherwise=otherwise)
     return [] if message is None else [message]
 
 
 def folder_for(options: TrackOptions) -> Path:
-    """The folder for the results of a complete log; without one, or a log, the command ends."""
+    """The output folder of a complete log.
+
+    Raises
+    ------
+    ConfigError
+        There is no folder, or the log is standard input.
+    """
     if options.out is None:
         raise ConfigError("track needs a folder for its results: pass --out DIR")
     if str(options.log) == "-":
@@ -219,10 +223,7 @@ def folder_for(options: TrackOptions) -> Path:
 
 
 def read_log(options: TrackOptions, names: tuple[str, ...], progress: Progress) -> LoadedLog:
-    """A complete log, with its warnings on standard error, and its true places if they are named.
-
-    ``names`` are the labels that the model knows.
-    """
+    """A complete log, with true labels if ``--truth`` names them; prints its warnings."""
     with progress.stage("log"):
         read = read_trajectory(options.log, range_max_m=options.max_range_m)
     for message in read.warnings:
@@ -232,20 +233,20 @@ def read_log(options: TrackOptions, names: tuple[str, ...], progress: Progress) 
     return replace(read, trajectory=with_truth(read.trajectory, options.truth, names))
 
 
-def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Track:
+def _track(inputs: TrackInputs, options: TrackOptions, progress: Progress) -> Track:
     """The labelled log, with all warnings about it."""
-    labeler, names = given.labeler, tuple(given.labeler.label_names)
+    labeler, names = inputs.labeler, tuple(inputs.labeler.label_names)
     read = read_log(options, names, progress)
     trajectory, warnings = read.trajectory, list(read.warnings)
-    warnings += given.misfit(trajectory, options)
+    warnings += inputs.misfit(trajectory, options)
     extra = None
-    if given.counts is not None:
-        extra = given.counts.columns(trajectory.times_s)
-        warnings += given.counts.complaints(trajectory.times_s)
+    if inputs.counts is not None:
+        extra = inputs.counts.columns(trajectory.times_s)
+        warnings += inputs.counts.complaints(trajectory.times_s)
     for message in warnings[len(read.warnings) :]:
         progress.warn(message)
     labeling = labeler.label(
-        trajectory, known_map=given.grid, map_prior=given.prior, extra=extra, progress=progress
+        trajectory, known_map=inputs.grid, map_prior=inputs.prior, extra=extra, progress=progress
     )
     impossible = labeling.info.get("impossible", [])
     if impossible:
@@ -257,13 +258,13 @@ def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Tra
 
 
 def write(track: Track, grid: OccupancyGrid | None, out: Path) -> None:
-    """All files of a track, drawn on the map or on one of its scans."""
+    """Write all files of a track, drawn on the map or on a map of its scans."""
     drawn_on = map_of_scans(track.trajectory) if grid is None else grid
     write_track(track, drawn_on, out)
 
 
 def summary(track: Track) -> str:
-    """The visits, steps and metres of each place."""
+    """A table of visits, steps and metres per label."""
     total = max(len(track.trajectory), 1)
     rows = [["place", "visits", "steps", "share", "metres"]]
     rows += [
@@ -277,7 +278,7 @@ def summary(track: Track) -> str:
 
 
 def run_joint(stored: Stored, options: TrackOptions) -> None:
-    """Label a complete log, and the map beneath it if there is one, which is written as well."""
+    """Label a complete log together with its map, if there is one."""
     out, progress = folder_for(options), make_progress(quiet=options.quiet)
     labeler = _labeler(stored, options)
     source = map_of(options, progress)
@@ -300,7 +301,7 @@ def run_joint(stored: Stored, options: TrackOptions) -> None:
 
 
 def _labeler(stored: Stored, options: TrackOptions) -> pp.JointLabeler:
-    """The model with the options of the command; those for other models are refused."""
+    """The model with the options of the command; unsuitable options are errors."""
     labeler: pp.JointLabeler = stored.item
     if options.mode != "filter":
         raise ConfigError(
@@ -309,8 +310,8 @@ def _labeler(stored: Stored, options: TrackOptions) -> pp.JointLabeler:
         )
     if options.map_labels is not None:
         raise ConfigError(
-            "--map-labels is for models of drives alone; this one labels the map together with "
-            "the drive: pass --map only"
+            "--map-labels requires a model of drives; this model labels the map together with "
+            "the drive: pass --map instead"
         )
     if options.counts is not None:
         raise ConfigError("this model uses the laser only; omit --counts")
@@ -327,7 +328,7 @@ def _labelled(
     options: TrackOptions,
     progress: Progress,
 ) -> tuple[Track, LabelledPlaces | None]:
-    """The labelled log, and the labelled map where there is one."""
+    """The labelled log, and the labelled map if there is a map."""
     names = labeler.label_names_
     read = read_log(options, names, progress)
     drive = read.trajectory

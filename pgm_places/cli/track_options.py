@@ -11,7 +11,7 @@ from pgm_places.options import AtLeastZero
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """What the command takes.
+    """Options of ``track``.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class TrackOptions:
     map_yaml : MAP.yaml
         Map in the frame of the log's poses.
     map_labels : DIR
-        Folder that label wrote for this map: its labels are a further observation.
+        Folder written by label for this map; its labels are an additional observation.
     mode
         filter (as online), or smooth or viterbi (complete logs only).
     beams

@@ -25,7 +25,7 @@ _FIGURES = {"accuracy": "accuracy", "balanced_accuracy": "balanced accuracy"}
 
 @dataclass(frozen=True, eq=False)
 class SeedResult:
-    """What a method made of the maps with one seed: a labelling per map, and their evaluation."""
+    """The results of a method with one seed: a labelling per map, and their pooled evaluation."""
 
     labelings: tuple[Labeling, ...]
     evaluation: Evaluation
@@ -35,17 +35,14 @@ class SeedResult:
 class MethodResult:
     """The results of one method: a labelling and an evaluation per map, and the pooled evaluation.
 
-    ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``;
-    ``histories`` the figures of each iteration, per map, and ``learning`` those of the learner:
-    values by the name of the quantity. ``doors`` counts doors per map: () without a label for
-    doorways. ``learned_with`` is the id of another method that learned for this one, too: the two
-    differ in how they label, and the seconds of learning are that method's. ``choices`` says in
-    words what the method chose by itself on training data, by option: the ``choices`` of its
-    backend, where it has them.
+    ``intervals`` has 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``.
+    ``histories`` has the values of each iteration per map, ``learning`` the values of the training,
+    both by quantity. ``doors`` counts doors per map; it is empty without a label for doorways.
+    ``learned_with`` is the id of another method with the same training, which was run once and
+    timed there. ``choices`` are texts on the options that the backend chose on training data.
 
-    Where the method was taught with several seeds, ``by_seed`` has the results of each. Evaluations
-    and intervals are then of all seeds together, the seconds those of one on average, and all else
-    is of the first seed.
+    For training with several seeds, ``by_seed`` has the results of each. Evaluations and intervals
+    are then over all seeds, seconds are means, and all other values are of the first seed.
     """
 
     id: str
@@ -66,12 +63,12 @@ class MethodResult:
 
     @property
     def all_labelings(self) -> list[tuple[Labeling, ...]]:
-        """Of each seed the labelling of each map."""
-        return [item.labelings for item in self.by_seed.values()] or [self.labelings]
+        """The labellings of all maps, for each seed."""
+        return [result.labelings for result in self.by_seed.values()] or [self.labelings]
 
     def spread(self, figure: Callable[[Evaluation], float | None]) -> float | None:
-        """The standard deviation of a figure over the seeds; None of one seed, or not defined."""
-        figures = [figure(item.evaluation) for item in self.by_seed.values()]
+        """The standard deviation of a figure over the seeds; None for one seed, or if undefined."""
+        figures = [figure(result.evaluation) for result in self.by_seed.values()]
         values = [value for value in figures if value is not None]
         return float(np.std(values, ddof=1)) if len(values) > 1 else None
 
@@ -80,13 +77,12 @@ class MethodResult:
 class Comparison(Plotted):
     """All results of a comparison, for the table, the pictures and the report.
 
-    ``maps`` are the labelled items: maps, drives, or, for nodes of both kinds, each map with the
-    drive through it. ``selection`` records the options tried on held-out training cells, and those
-    chosen. ``choices`` says in words what was chosen on training data for all methods, by option
-    (``"unary": "context (held-out balanced accuracy 91.2; laser 88.0)"``): that selection, and the
-    ``choices`` of the labelers, where they have them. ``splits`` says by name which of the items
-    each split tested on; it is empty where there was one. ``gates`` counts the doors per map that
-    accepted gates match: () where there are none.
+    ``maps`` are the test items: maps, drives, graphs, or, for ``nodes = "both"``, each map followed
+    by the drive through it. ``selection`` records the options tried on held-out training cells, and
+    the chosen ones. ``choices`` are texts on options chosen on training data for all methods
+    (``"unary": "context (held-out balanced accuracy 91.2; laser 88.0)"``), by the selection or by
+    the labelers. ``splits`` has the range of items of each split by name; it is empty without
+    splits. ``gates`` counts the doors per map that match accepted gates, if there are any.
     """
 
     title: str
@@ -129,13 +125,13 @@ class Comparison(Plotted):
         return ax
 
     def _ends(self, method: MethodResult, figure: str) -> tuple[float, float]:
-        """How far the ends of a figure's interval are from it; 0 without one."""
+        """The ends of a figure's interval relative to the figure; 0 without an interval."""
         interval = method.intervals.get(figure)
         value = getattr(method.evaluation, figure)
         return (0.0, 0.0) if interval is None else (interval.low - value, interval.high - value)
 
     def to_dataframe(self) -> Any:
-        """The methods as a table of pandas.
+        """The methods as a pandas table.
 
         Returns
         -------
@@ -151,30 +147,30 @@ class Comparison(Plotted):
         columns: dict[str, Any] = {"method": [method.id for method in self.methods]}
         for figure in _FIGURES:
             columns[figure] = [getattr(method.evaluation, figure) for method in self.methods]
-            found = [method.intervals.get(figure) for method in self.methods]
+            intervals = [method.intervals.get(figure) for method in self.methods]
             for end in ("low", "high"):
-                columns[f"{figure}_{end}"] = [getattr(item, end, np.nan) for item in found]
+                columns[f"{figure}_{end}"] = [getattr(each, end, np.nan) for each in intervals]
         for name in self.label_names:
-            found_shares = [method.evaluation.recall[name] for method in self.methods]
-            columns[f"recall_{name}"] = np.array(found_shares, np.float64)
+            recalls = [method.evaluation.recall[name] for method in self.methods]
+            columns[f"recall_{name}"] = np.array(recalls, np.float64)
         for stage in dict.fromkeys(stage for method in self.methods for stage in method.seconds):
             columns[f"seconds_{stage}"] = [m.seconds.get(stage, np.nan) for m in self.methods]
         return data_frame(columns, "method")
 
     @cached_property
     def judgement(self) -> Significance:
-        """Which differences between methods are more than chance."""
+        """Which differences between methods are significant."""
         labelings = {method.id: method.all_labelings for method in self.methods}
         return judge(self.maps, labelings, self.label_names)
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """With which the methods were taught; () for those of the configuration alone."""
+        """The seeds of training; () if only the configuration's seeds were used."""
         return tuple(self.methods[0].by_seed) if self.methods else ()
 
     @property
     def all_choices(self) -> dict[str, str]:
-        """What was chosen on training data, in words: for all methods, then by each method."""
+        """Texts on options chosen on training data: for all methods, then by each method."""
         of_methods = {
             f"{method.id}, {option}": words
             for method in self.methods
@@ -184,11 +180,11 @@ class Comparison(Plotted):
 
     @property
     def n_evaluated(self) -> int:
-        """How many nodes with a true label were labelled."""
+        """Number of evaluated nodes: those with a true label."""
         return sum(int((item.node_truth >= 0).sum()) for item in self.maps)
 
     def by_split(self, method: MethodResult) -> dict[str, Evaluation]:
-        """A method's evaluation of what each split tested on."""
+        """A method's evaluation on the test items of each split."""
         return {
             name: Evaluation.merged([method.evaluations[k] for k in items])
             for name, items in self.splits.items()
@@ -196,13 +192,13 @@ class Comparison(Plotted):
 
     @property
     def unit(self) -> str:
-        """What was labelled: ``cell``, ``step``, or ``node`` for both, or for graphs."""
+        """The kind of nodes: ``cell``, ``step``, or ``node`` for both or for graphs."""
         units = {item.unit for item in self.maps}
         return units.pop() if len(units) == 1 else "node"
 
     @property
     def is_mixed(self) -> bool:
-        """Whether nodes of several kinds were labelled."""
+        """Whether there are several kinds of nodes."""
         return len({item.unit for item in self.maps}) > 1
 
     def by_unit(self, method: MethodResult) -> dict[str, Evaluation]:
@@ -210,18 +206,18 @@ class Comparison(Plotted):
         of_unit: dict[str, list[Evaluation]] = {}
         for item, evaluation in zip(self.maps, method.evaluations, strict=True):
             of_unit.setdefault(item.unit, []).append(evaluation)
-        return {unit: Evaluation.merged(parts) for unit, parts in of_unit.items()}
+        return {unit: Evaluation.merged(each) for unit, each in of_unit.items()}
 
 
 def score_intervals(
     maps: Sequence[TestItem], labelings: Sequence[Sequence[Labeling]], n_labels: int
 ) -> dict[str, Interval]:
-    """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
+    """95 % confidence intervals of pooled ``accuracy`` and ``balanced_accuracy``.
 
-    A block bootstrap over squares of ``BLOCK_M`` of maps, stretches of ``STRETCH_M`` of drives, and
-    single nodes of graphs, or ``NODES_PER_BLOCK`` side by side
-    (:func:`pgm_places.evaluation.bootstrap.block_bootstrap`). ``labelings`` are those of each
-    seed, which are drawn like blocks.
+    They are from a block bootstrap (:func:`pgm_places.evaluation.bootstrap.block_bootstrap`) over
+    squares of ``BLOCK_M`` of maps, stretches of ``STRETCH_M`` of drives, and single nodes or
+    ``NODES_PER_BLOCK`` adjacent nodes of graphs. ``labelings`` are per seed; seeds are resampled,
+    too.
     """
     resamples = Resamples.of(
         np.concatenate([item.node_truth for item in maps]), blocks_of(maps), n_labels=n_labels
@@ -239,11 +235,11 @@ def score_intervals(
 
 
 _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}
-"""What decoders report per iteration; others report the largest change of a belief or message."""
+"""Quantities that decoders report per iteration; by default the largest change of a belief."""
 
 
 def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
-    """The figures of a labelling after each of its iterations, by quantity."""
+    """The values of each iteration of a labelling, by quantity."""
     history = labeling.info.get("history")
     if history is None:
         return {}
@@ -257,7 +253,7 @@ def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
 
 
 def learning_of(backend: object) -> dict[str, Sequence[float]]:
-    """Objective and lower bound after each step of learning, if a method records them."""
+    """Objective and lower bound after each training step, if the method records them."""
     history = getattr(backend, "learning_history", None)
     if history is None or len(history) < 2:
         return {}

@@ -1,7 +1,7 @@
 """Configuration files: TOML parsed into checked options; unknown keys are rejected.
 
 The options of the sensor, the lists, the methods and the topological maps are declared in their own
-modules; this module declares those that concern files, and combines them.
+modules. This module combines them with the options of files.
 """
 
 import re
@@ -37,7 +37,7 @@ from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import ClassifierOptions, ContextOptions, HallsAs, SpaceOptions
 
 NO_MODEL = "none"
-"""The base model of those who learn from nothing but their maps, as the studio does without one."""
+"""Value of ``base_model`` for training on paint alone, as in the studio without a model."""
 
 _OF_MAPS = frozenset(
     ("resolution_m", "connectivity", "sensor", "context", "space", "floor", "steps", "features")
@@ -45,7 +45,7 @@ _OF_MAPS = frozenset(
 """Options that do not apply to user-defined graphs."""
 
 _OF_TRAINING = _OF_MAPS | {"preset", "nodes", "classifier", "select", "methods"}
-"""What a model that was trained before has already."""
+"""Options that a base model brings along."""
 
 Nodes = Literal["cells", "steps", "both", "graph"]
 Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
@@ -53,11 +53,11 @@ Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 @dataclass(frozen=True)
 class LabelsConfig:
-    """The labels to distinguish; their order is the order of every table.
+    """The labels to distinguish, in the order of all tables.
 
-    Where ``hall`` is one of them beside ``corridor`` and ``room``, ``halls`` says what halls are
-    labelled in the end. ``doorway_depth_m`` is how deep doorways are labelled along the passage, by
-    default as in the training maps.
+    ``halls`` is the label of halls in results, if ``corridor``, ``room`` and ``hall`` are among the
+    labels. ``doorway_depth_m`` is the depth of doorways along the passage, by default as in the
+    training maps.
     """
 
     names: Annotated[tuple[str, ...], MinLen(2)]
@@ -94,11 +94,11 @@ class FloorOptions(Options):
 
 @dataclass(frozen=True)
 class SelectConfig(Options):
-    """Options to choose on the training maps or drives, whole buildings or stripes held out.
+    """Options to choose on held-out buildings, or stripes, of the training data.
 
-    ``options`` lists values by dotted key (``"classifier.n_rounds" = [100, 300]``,
-    ``"methods.amn.C" = [10.0, 100.0]``); every combination is tried with ``method``, by default
-    the last one.
+    ``options`` lists candidate values by dotted key (``"classifier.n_rounds" = [100, 300]``,
+    ``"methods.amn.C" = [10.0, 100.0]``). Every combination is tried with ``method``, by default the
+    last one.
     """
 
     options: Annotated[dict[str, Annotated[list[Any], MinLen(1)]], MinLen(1)]
@@ -111,12 +111,12 @@ class SelectConfig(Options):
 class MethodConfig:
     """A method by name, its id, its unary, and its options (all other keys).
 
-    ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
-    sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places),
-    ``"floor"`` (this list and the shipped networks that see the whole floor), or ``"auto"``:
-    space, the same for every method. AdaBoost alone, the paper's, is ``independent`` with
-    ``unary = "laser"``. For graphs of one's own, ``"auto"`` is what the classifier says, and
-    ``"none"`` leaves the node features to the method.
+    ``unary`` is ``"laser"`` (the list on laser features), ``"context"`` (the list with the features
+    of the neighbourhood), ``"space"`` (the list with space features), ``"floor"`` (this list fused
+    with the shipped floor networks), or ``"auto"``, which is chosen in training for all methods.
+    AdaBoost alone, as in the paper, is ``independent`` with ``unary = "laser"``. For user-defined
+    graphs, ``"auto"`` is the classifier's scores, and ``"none"`` leaves the node features to the
+    method.
     """
 
     name: str
@@ -135,20 +135,20 @@ class MethodConfig:
 
     @cached_property
     def backend(self) -> Any:
-        """The unfitted method, built once; names, types and values of options are checked."""
+        """The unfitted method, built once; its options are checked."""
         return METHODS.build(self.name, self.options)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentConfig:
-    """A whole experiment: labels, sensor, classifier, maps and drives, and methods.
+    """A complete experiment: labels, sensor, classifier, maps and drives, and methods.
 
-    ``preset`` names a set of options that the file's own ones replace
-    (:mod:`pgm_places.labelers.presets`); validated values have it applied already.
-    ``nodes`` says what is labelled: the cells of maps, the steps of drives, both as one graph, or
-    the nodes of graphs of one's own. With ``base_model``, an existing model is trained further on
-    the training maps, as ``teaching`` says; its methods and the options of its training are kept.
-    ``splits`` lists buildings of ``train`` that ``compare`` tests on, in place of ``test``.
+    ``preset`` names a set of options, which those of the file override
+    (:mod:`pgm_places.labelers.presets`); in validated values it is already applied. ``nodes`` is
+    the kind of nodes: the cells of maps, the steps of drives, both as one graph, or user-defined
+    graphs. With ``base_model``, an existing model is trained further on the training maps with the
+    options ``teaching``; its methods and training options do not change. ``splits`` lists buildings
+    of ``train`` that ``compare`` tests on, instead of ``test``.
     """
 
     title: str | None = None
@@ -181,34 +181,34 @@ class ExperimentConfig:
         _check_methods(self)
         _check_nodes(self)
         if self.splits and self.test:
-            raise ConfigError("give [[splits]] of [[train]] or [[test]], not both")
+            raise ConfigError("[[splits]] and [[test]] cannot be combined")
         build_features(self)
         for method in self.methods:
             _ = method.backend
 
 
 def _check_teaching(config: ExperimentConfig) -> None:
-    """Refuse options that a base model already fixes, and options that need a base model."""
-    given = given_options(config, _OF_TRAINING)
+    """Reject options that a base model fixes, and options that need a base model."""
+    options = given_options(config, _OF_TRAINING)
     if config.base_model is None:
         if not config.methods:
             raise ConfigError("methods: give at least one, as a table [[methods]]")
         if config.teaching != TeachingOptions():
             raise ConfigError(
-                "[teaching] says how a base_model continues to learn; give base_model"
+                "[teaching] has the options of further training and requires base_model"
             )
         return
-    given += [f"labels.{x}" for x in given_options(config.labels, {"halls", "doorway_depth_m"})]
-    if given:
+    options += [f"labels.{x}" for x in given_options(config.labels, {"halls", "doorway_depth_m"})]
+    if options:
         raise ConfigError(
-            f"{given[0]} is for training from scratch; base_model brings its own, so remove it"
+            f"{options[0]} is for training from scratch; base_model brings its own, so remove it"
         )
     if config.base_model == NO_MODEL:
         alone = {name: getattr(config.teaching, name) for name in OF_PAINT_ALONE}
         if config.teaching != TeachingOptions(**alone):
             raise ConfigError(
-                f"[teaching] takes {' and '.join(OF_PAINT_ALONE)} where base_model = "
-                f"{NO_MODEL!r}: there is no model to keep or to continue from"
+                f"with base_model = {NO_MODEL!r}, [teaching] has only the options "
+                f"{' and '.join(OF_PAINT_ALONE)}"
             )
 
 
@@ -227,35 +227,35 @@ def _check_methods(config: ExperimentConfig) -> None:
 
 
 def _check_nodes(config: ExperimentConfig) -> None:
-    """Refuse sources and tables that do not fit the kind of nodes."""
+    """Reject sources and tables that do not fit the kind of nodes."""
     nodes = config.nodes
     if nodes == "graph":
         _check_graphs(config)
         return
-    has_drive = any(item.is_drive for item in config.train)
+    has_drive = any(source.is_drive for source in config.train)
     if nodes != "cells" and config.select is not None and not has_drive:
         raise ConfigError(
-            "[select] scores options on training drives that are held out; [[train]] has none"
+            "[select] evaluates options on held-out training drives; [[train]] has no drive"
         )
-    for where, item in _sources(config):
+    for where, source in _sources(config):
         is_test = where.startswith("test")
-        if item.graph is not None:
-            raise ConfigError(f"{where} is a graph; write nodes = 'graph' above all tables")
-        if nodes == "cells" and item.is_drive:
+        if source.graph is not None:
+            raise ConfigError(f"{where} is a graph; write nodes = 'graph' at the top of the file")
+        if nodes == "cells" and source.is_drive:
             raise ConfigError(
                 f"{where} is a drive, but cells of maps are labelled; write nodes = 'steps' or "
                 "nodes = 'both' at the top of the file"
             )
-        if nodes != "cells" and is_test and not item.is_drive:
+        if nodes != "cells" and is_test and not source.is_drive:
             raise ConfigError(
                 f"{where} is a map, but steps of drives are labelled; give a log or a drive"
             )
-        if item.counts is not None and nodes == "both":
+        if source.counts is not None and nodes == "both":
             raise ConfigError(f"{where}: counts are for nodes = 'steps'; cells of maps have none")
-        if item.map_labels is not None and not (is_test and nodes == "steps"):
+        if source.map_labels is not None and not (is_test and nodes == "steps"):
             raise ConfigError(f"{where}: map_labels is for drives to test on, with nodes = 'steps'")
-        if nodes == "both" and item.log is not None and item.map is None:
-            raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
+        if nodes == "both" and source.log is not None and source.map is None:
+            raise ConfigError(f"{where}: nodes = 'both' needs the drive's map; add map")
     for method in config.methods:
         if method.unary == "none":
             raise ConfigError(f"methods.{method.id}: unary = 'none' is for nodes = 'graph'")
@@ -265,11 +265,11 @@ def _check_nodes(config: ExperimentConfig) -> None:
         raise ConfigError("train: learning cells and steps together needs at least one drive")
 
 
-def _check_classifier_of_steps(given: ClassifierOptions) -> None:
-    """Refuse options of the list that training on drives does not read."""
+def _check_classifier_of_steps(options: ClassifierOptions) -> None:
+    """Reject options of the list that are not used for drives."""
     default = ClassifierOptions()
     for name in ("learn_on", "n_node_features", "max_examples_per_map"):
-        if getattr(given, name) != getattr(default, name):
+        if getattr(options, name) != getattr(default, name):
             raise ConfigError(
                 f"classifier.{name} is for cells of maps, and nodes = 'steps' labels steps of "
                 "drives; remove it"
@@ -277,20 +277,22 @@ def _check_classifier_of_steps(given: ClassifierOptions) -> None:
 
 
 def _check_graphs(config: ExperimentConfig) -> None:
-    """Refuse sources other than user-defined graphs, and options for maps and drives."""
+    """Reject sources other than user-defined graphs, and options for maps and drives."""
     for where, item in _sources(config):
         if item.graph is None:
             raise ConfigError(
                 f"{where} is not a graph; give graph = 'FILE.graphml', or its tables: "
                 "graph = { nodes = 'nodes.csv', edges = 'edges.csv' }"
             )
-    if given := given_options(config, _OF_MAPS | {"base_model"}):
-        raise ConfigError(f"{given[0]} is for maps and drives, not for nodes = 'graph'; remove it")
+    if options := given_options(config, _OF_MAPS | {"base_model"}):
+        raise ConfigError(
+            f"{options[0]} is for maps and drives, not for nodes = 'graph'; remove it"
+        )
     for method in config.methods:
         if method.unary not in ("auto", "none"):
             raise ConfigError(
-                f"methods.{method.id}: unary is 'auto' (what the classifier says) or 'none' where "
-                f"graphs are labelled, got {method.unary!r}"
+                f"methods.{method.id}: for graphs, unary must be 'auto' (the classifier's scores) "
+                f"or 'none', got {method.unary!r}"
             )
 
 
@@ -313,13 +315,13 @@ def _check_label_names(config: ExperimentConfig) -> None:
 
 
 def _sources(config: ExperimentConfig) -> Iterator[tuple[str, SourceConfig]]:
-    """What is trained and tested on, by its place in the file."""
+    """The sources of training and test, with their positions in the file."""
     for part, sources in (("train", config.train), ("test", config.test)):
-        yield from ((f"{part}[{index}]", item) for index, item in enumerate(sources))
+        yield from ((f"{part}[{index}]", source) for index, source in enumerate(sources))
 
 
 def load_config(path: Path, *, preset: str | None = None) -> ExperimentConfig:
-    """The checked configuration in a TOML file, with a preset in place of the file's if given.
+    """The checked configuration of a TOML file; ``preset`` overrides the file's preset.
 
     Raises
     ------
@@ -337,15 +339,15 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
     content = with_preset(content)
     if "methods" in content:
         content["methods"] = _split(content["methods"], "methods", ("id", "unary"), where)
-        for item in content["methods"]:
-            item.setdefault("id", str(item["name"]).rpartition(":")[2])  # module:Class
+        for table in content["methods"]:
+            table.setdefault("id", str(table["name"]).rpartition(":")[2])  # module:Class
     if "features" in content:
         content["features"] = _split(content["features"], "features", (), where)
     return validated_config(content, where)
 
 
 def validated_config(content: Mapping[str, object], where: str) -> ExperimentConfig:
-    """The checked configuration from a mapping in the form of the records."""
+    """The checked configuration from a mapping in the form of ``plain_values``."""
     try:
         return from_mapping(ExperimentConfig, content)
     except ConfigError as error:
@@ -356,18 +358,18 @@ def _split(
     tables: object, key: str, own_keys: tuple[str, ...], where: str
 ) -> list[dict[str, object]]:
     """Tables as records: name, the record's own keys, and all others as options."""
-    if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ConfigError(f"{where}: {key} must be tables; write [[{key}]] above each")
     split = []
-    for index, item in enumerate(tables):
-        if "name" not in item:
+    for index, table in enumerate(tables):
+        if "name" not in table:
             raise ConfigError(f"{where}: {key}[{index}] has no name")
-        own = {name: item[name] for name in ("name", *own_keys) if name in item}
-        options = {name: value for name, value in item.items() if name not in own}
+        own = {name: table[name] for name in ("name", *own_keys) if name in table}
+        options = {name: value for name, value in table.items() if name not in own}
         split.append({**own, "options": options})
     return split
 
 
 def build_features(config: ExperimentConfig) -> tuple[object, ...]:
-    """The custom features described by the tables, checked in the same way."""
-    return as_features([FEATURES.build(item.name, item.options) for item in config.features])
+    """The custom features of the configuration, built and checked."""
+    return as_features([FEATURES.build(table.name, table.options) for table in config.features])

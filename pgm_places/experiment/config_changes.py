@@ -1,4 +1,4 @@
-"""Variants of a configuration: with some values changed, or with another seed."""
+"""Variants of a configuration: changed values, or another seed."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -44,10 +44,10 @@ def changed_config(config: ExperimentConfig, changes: Mapping[str, object]) -> E
 
 
 def _replace(content: dict[str, Any], key: str, value: Any) -> None:
-    part, _, rest = key.partition(".")
-    if part == "preset":
+    table, _, rest = key.partition(".")
+    if table == "preset":
         raise ConfigError("a preset is merged when the file is read; write it into the file")
-    if part == "methods" and rest:
+    if table == "methods" and rest:
         name, _, option = rest.rpartition(".")
         methods = {method["id"]: method for method in content["methods"]}
         if name not in methods:
@@ -58,23 +58,23 @@ def _replace(content: dict[str, Any], key: str, value: Any) -> None:
         target = methods[name] if option == "unary" else methods[name]["options"]
         target[option] = value
         return
-    if part not in content:
-        raise ConfigError(f"no key {key!r} to change. {nearest_name(part, list(content))}")
+    if table not in content:
+        raise ConfigError(f"no key {key!r} to change. {nearest_name(table, list(content))}")
     if not rest:
-        content[part] = value
-    elif isinstance(content[part], dict):
-        content[part][rest] = value
+        content[table] = value
+    elif isinstance(content[table], dict):
+        content[table][rest] = value
     else:
-        raise ConfigError(f"no key {key!r} to change: {part!r} has no parts")
+        raise ConfigError(f"no key {key!r} to change: {table!r} has no parts")
 
 
 def seeded_config(config: ExperimentConfig, seed: int) -> ExperimentConfig:
-    """The configuration with this seed wherever learning draws something.
+    """The configuration with another seed for all random choices in training.
 
-    These are the features offered to each tree and the examples taken where there are more
-    (``classifier.seed``, ``space.seed``), the simulated runs in maps (``steps.seed``), the cells of
-    a lesson (``teaching.seed``), and the ``seed`` of methods that have one. What is tested, and
-    drives and maps that are simulated, stay what they are.
+    It is used for the features of each tree and for subsampled examples (``classifier.seed``,
+    ``space.seed``), simulated runs in maps (``steps.seed``), cells for further training
+    (``teaching.seed``), and methods with an option ``seed``. Test data, simulated drives and
+    simulated maps do not change.
 
     Examples
     --------

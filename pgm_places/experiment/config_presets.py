@@ -1,4 +1,4 @@
-"""Presets of a configuration: values below those of the file, and a record of what they set."""
+"""Presets of a configuration, and the record of their values."""
 
 import copy
 from collections.abc import Iterator, Mapping
@@ -8,9 +8,9 @@ from pgm_places.labelers.presets import ANY_METHOD, Preset, preset_values
 
 
 def with_preset(content: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration as read, with the values of its ``preset`` wherever it has none.
+    """A configuration with the values of its ``preset`` for options that are not set.
 
-    An unknown preset, and one beside a base model, adds nothing: validation refuses it.
+    An unknown preset, or one together with a base model, adds nothing: validation rejects it.
     """
     filled = copy.deepcopy(dict(content))
     preset: Any = filled.get("preset")
@@ -23,11 +23,11 @@ def with_preset(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def preset_record(config: Mapping[str, Any]) -> dict[str, Any] | None:
-    """What the preset of a resolved configuration set, and what was given instead; None of none."""
+    """The values set by the preset of a resolved configuration, and those set by the user."""
     preset = config.get("preset")
     if preset is None:
         return None
-    of_preset, given = {}, {}
+    of_preset, of_user = {}, {}
     for key, wanted in preset_values(preset, config["nodes"]).items():
         *path, option = key.split(".")
         values = [table.get(option) for table in _tables(copy.deepcopy(dict(config)), path)]
@@ -35,17 +35,17 @@ def preset_record(config: Mapping[str, Any]) -> dict[str, Any] | None:
         if values and len(others) < len(values):
             of_preset[key] = wanted
         if others:
-            given[key] = others[0] if len(others) == 1 else others
-    return {"name": preset, "set": of_preset, "given": given}
+            of_user[key] = others[0] if len(others) == 1 else others
+    return {"name": preset, "set": of_preset, "given": of_user}
 
 
 def _tables(content: dict[str, Any], path: list[str]) -> Iterator[dict[str, Any]]:
-    """The tables at a path, made where missing; of methods all of the name in the path."""
+    """The tables at a path, created if missing; for methods, all with the name in the path."""
     if path[0] == "methods":
         methods = content.get("methods")
-        for item in methods if isinstance(methods, list) else ():
-            if isinstance(item, dict) and path[1] in (ANY_METHOD, item.get("name")):
-                yield item
+        for method in methods if isinstance(methods, list) else ():
+            if isinstance(method, dict) and path[1] in (ANY_METHOD, method.get("name")):
+                yield method
         return
     table: Any = content
     for name in path:

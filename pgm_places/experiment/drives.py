@@ -1,4 +1,4 @@
-"""The drives of an experiment with their true places, read from logs or simulated."""
+"""The drives of an experiment with their true labels, read from logs or simulated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,18 +24,18 @@ from pgm_places.vision.object_counts import ObjectCounts
 
 @dataclass(frozen=True, eq=False)
 class SourceDrive:
-    """A drive with its true places, and the map it drives through, if there is one.
+    """A drive with its true labels, and its map, if there is one.
 
     Parameters
     ----------
     trajectory : Trajectory
-        With true places by the experiment's label names, -1 where unknown.
+        With true labels by the experiment's label names, -1 where unknown.
     map : LabelledMap or None
-        In the frame of the poses; all labels are -1 if none are given.
+        In the frame of the poses; all labels are -1 without a label file.
     prior : MapPrior or None
-        A map labelled beforehand, in the frame of the poses.
+        A labelled map, in the frame of the poses.
     counts : ObjectCounts or None
-        Objects that a camera saw.
+        Object counts of a camera.
     within_s : float
         Longest time between a step and its counts.
     """
@@ -47,7 +47,7 @@ class SourceDrive:
     within_s: float = WITHIN_S
 
     def count_columns(self, names: Sequence[str]) -> NDArray[np.float32] | None:
-        """(T, D) counts of these objects at each step; None where there are no names.
+        """(T, D) counts of these objects at each step; None without names.
 
         Raises
         ------
@@ -58,14 +58,14 @@ class SourceDrive:
             return None
         if self.counts is None:
             raise ConfigError(
-                f"{self.name} has no counts of objects, and other drives have; give counts for "
-                "every drive of [[train]] and [[test]], or for none"
+                f"{self.name} has no object counts, but other drives have; add counts to every "
+                "drive of [[train]] and [[test]], or to none"
             )
         return self.counts.at(self.trajectory.times_s, within_s=self.within_s, object_names=names)
 
     @property
     def name(self) -> str:
-        """What the drive is called."""
+        """Name of the drive."""
         return self.trajectory.name
 
     @property
@@ -75,48 +75,48 @@ class SourceDrive:
 
     @property
     def labels(self) -> NDArray[np.int64]:
-        """(T,) true place of each step, -1 where unknown."""
-        assert self.trajectory.labels is not None  # load_drives has checked
+        """(T,) true label of each step, -1 where unknown."""
+        assert self.trajectory.labels is not None  # checked by load_drives
         return self.trajectory.labels
 
     @property
     def building(self) -> str | None:
-        """The group of drives and maps that are held out together."""
+        """The building; drives and maps of one building are held out together."""
         return self.trajectory.building
 
     @property
     def positions_m(self) -> NDArray[np.float64]:
-        """(T, 2) where the robot was."""
+        """(T, 2) positions of the robot."""
         return self.trajectory.poses[:, :2]
 
     def with_labels_at(self, chosen: NDArray[np.bool_]) -> "SourceDrive":
-        """The drive with the true places of the steps of a mask (T,) alone."""
+        """The drive with true labels only at the steps of a mask (T,)."""
         labels, names = np.where(chosen, self.labels, -1), self.trajectory.label_names
         assert names is not None
         return replace(self, trajectory=self.trajectory.with_labels(labels, names))
 
 
 def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
-    """The drives among the sources of ``"train"`` or ``"test"``, in their order.
+    """The drives among the sources of ``"train"`` or ``"test"``, in order.
 
     Raises
     ------
     LogError, MapError, LabelError
-        A file cannot be read, or no step of a drive has a known place.
+        A file cannot be read, or no step of a drive has a true label.
     """
     return experiment.loaded(part, "drives", lambda item: item.is_drive, _load)
 
 
 def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceDrive:
     if source.drive is not None:
-        whole = _simulated(experiment, source.drive, where)
+        drive = _simulated(experiment, source.drive, where)
     else:
-        whole = _recorded(experiment, source, where)
+        drive = _recorded(experiment, source, where)
     if source.map_labels is not None:
         folder = experiment.resolve(source.map_labels)
         prior = read_labelled_map(folder, experiment.config.labels.names).prior
-        whole = replace(whole, prior=prior)
-    return _windowed(source, whole, where)
+        drive = replace(drive, prior=prior)
+    return _windowed(source, drive, where)
 
 
 def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> SourceDrive:
@@ -158,17 +158,17 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
         path = translated(path, names, source.classes)
     if source.resample_m is not None:
         path = path.resampled(source.resample_m)
-    told_by_map = source.truth is None and known is not None and (known.labels >= 0).any()
-    if told_by_map and (path.labels is None or source.resample_m is not None):
+    has_map_labels = source.truth is None and known is not None and (known.labels >= 0).any()
+    if has_map_labels and (path.labels is None or source.resample_m is not None):
         assert known is not None
         path = path.labelled_by(known, names)
     if path.labels is None:
         raise LabelError(
-            f"{where}: the true places of {log.name} are missing; give truth (a table), or map "
-            "and labels in the log's frame"
+            f"{where}: {log.name} has no true labels; add truth (a table), or map and labels in "
+            "the log's frame"
         )
     if source.laser is not None:
-        assert known is not None  # SourceConfig has checked
+        assert known is not None  # checked by SourceConfig
         geometry, noise = source.laser.geometry(), source.laser.noise()
         path = scans_along(known.grid, path, geometry, noise=noise)
     building = str(log) if known is None else known.building
@@ -187,14 +187,14 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
 
 
 def counted_objects(drives: Sequence[SourceDrive]) -> tuple[str, ...]:
-    """The objects that any of the drives has counts of, in the order of first mention."""
-    counts = [item.counts for item in drives if item.counts is not None]
-    return tuple(dict.fromkeys(name for item in counts for name in item.object_names))
+    """The names of all counted objects, in the order of first occurrence."""
+    counts = [count.counts for count in drives if count.counts is not None]
+    return tuple(dict.fromkeys(name for count in counts for name in count.object_names))
 
 
-def _windowed(source: SourceConfig, whole: SourceDrive, where: str) -> SourceDrive:
-    """The chosen steps, with unknown places outside the chosen region."""
-    path = whole.trajectory
+def _windowed(source: SourceConfig, drive: SourceDrive, where: str) -> SourceDrive:
+    """The configured range of steps, with unknown labels outside the configured region."""
+    path = drive.trajectory
     first, last = source.from_step or 0, source.to_step
     if last is not None or first:
         if not first < min(len(path) if last is None else last, len(path)):
@@ -211,9 +211,9 @@ def _windowed(source: SourceConfig, whole: SourceDrive, where: str) -> SourceDri
         labels = np.where(((xy >= low) & (xy <= high)).all(axis=1), labels, -1)
     if not (labels >= 0).any():
         raise LabelError(
-            f"{where} ({path.name}): no step has a known place; check that the truth belongs "
-            "to this drive, and its frame, steps and region"
+            f"{where} ({path.name}): no step has a true label; check that the truth belongs to "
+            "this drive, and check its frame, steps and region"
         )
     path = path.with_labels(labels, path.label_names)
     named = replace(path, name=source.name or path.name, building=source.building or path.building)
-    return replace(whole, trajectory=named)
+    return replace(drive, trajectory=named)

@@ -21,33 +21,33 @@ from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.space_model import MapSpaces
 
 BLOCK_M = 2.0
-"""Side of the squares resampled for confidence intervals; errors of closer cells correlate."""
+"""Side of the resampled squares of maps for confidence intervals; closer errors correlate."""
 
 NODES_PER_BLOCK = 10
-"""Nodes of graphs resampled together, where they lie side by side."""
+"""Number of adjacent nodes of graphs that are resampled together."""
 
 STRETCH_M = 5.0
-"""Length of the stretches of drives resampled; errors of closer steps correlate."""
+"""Length of the resampled stretches of drives; closer errors correlate."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvalMap:
-    """A map that was labelled, with its ground truth.
+    """An evaluated map with its ground truth.
 
     Parameters
     ----------
     name : str
         Its name in tables.
     grid : OccupancyGrid
-        The map of the scans.
+        The map.
     truth : (H, W) int16
         True label index per cell, -1 where unknown.
     layout : GridLayout
-        The cells that were labelled: the free cells inside the window.
+        The labelled cells: the free cells inside the window.
     window : (H, W) bool
-        The part of the map that was tested.
+        The tested part of the map.
     building : str, optional
-        What it shares with other maps of the same building.
+        Name of the building.
     """
 
     name: str
@@ -67,37 +67,37 @@ class EvalMap:
         return self.layout.from_raster(self.truth).astype(np.int64)
 
     def blocks(self) -> NDArray[np.int64]:
-        """(N,) number of the square of ``BLOCK_M`` that holds each cell."""
+        """(N,) index of the square of ``BLOCK_M`` of each cell."""
         side = max(round(BLOCK_M / self.grid.resolution_m), 1)
         return square_blocks(self.layout.cells_rc, side)
 
 
 class _Painted:
-    """What is not labelled cell by cell, as its layout paints it on a raster."""
+    """Mixin for drives and graphs: rasters for pictures, painted by the layout."""
 
     @cached_property
     def truth(self: Any) -> NDArray[np.int16]:
-        """(H, W) true label where a node is painted, -1 elsewhere and where it is unknown."""
+        """(H, W) true label of painted nodes, -1 elsewhere and where unknown."""
         return self.layout.to_raster(self.node_truth.astype(np.int16), fill=-1)
 
     @property
     def window(self: Any) -> NDArray[np.bool_]:
-        """(H, W) the cells that a node is painted on."""
+        """(H, W) the cells with a painted node."""
         return self.layout.node_of_cell >= 0
 
 
 @dataclass(frozen=True, eq=False)
 class EvalDrive(_Painted):
-    """A drive whose steps were labelled, with their true places.
+    """An evaluated drive with its true labels.
 
     Parameters
     ----------
     name : str
         Its name in tables.
     trajectory : Trajectory
-        With its true places.
+        With true labels.
     grid : OccupancyGrid
-        The map it drives through, or one built from its scans.
+        The map of the drive, or one built from its scans.
     """
 
     name: str
@@ -110,28 +110,28 @@ class EvalDrive(_Painted):
 
     @property
     def building(self) -> str | None:
-        """What it shares with other drives through the same building."""
+        """Name of the building."""
         return self.trajectory.building
 
     @cached_property
     def layout(self) -> PathLayout:
-        """How values of steps are painted on the map."""
+        """The layout that paints values of steps on the map."""
         return PathLayout(self.grid, self.trajectory.poses[:, :2])
 
     @property
     def node_truth(self) -> NDArray[np.int64]:
-        """(T,) true label of each step, -1 where it is unknown."""
+        """(T,) true label of each step, -1 where unknown."""
         assert self.trajectory.labels is not None
         return self.trajectory.labels
 
     def blocks(self) -> NDArray[np.int64]:
-        """(T,) number of the stretch of ``STRETCH_M`` that holds each step."""
+        """(T,) index of the stretch of ``STRETCH_M`` of each step."""
         return stretches(self.trajectory)
 
 
 @dataclass(frozen=True, eq=False)
 class EvalGraph(_Painted):
-    """A labelled user-defined graph with its true labels.
+    """An evaluated user-defined graph with its true labels.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ class EvalGraph(_Painted):
         Its name in tables.
     graph : LabelGraph
     node_truth : (N,) int
-        True label of each node, -1 where it is unknown or observed.
+        True label of each node, -1 where unknown or observed.
     building : str, optional
-        What it shares with other graphs of the same group.
+        Name of the group of graphs.
     """
 
     name: str
@@ -155,19 +155,19 @@ class EvalGraph(_Painted):
 
     @cached_property
     def layout(self) -> GraphLayout:
-        """The graph as a picture."""
+        """The layout that draws the graph as a picture."""
         return GraphLayout(self.graph)
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The picture without its nodes' values."""
+        """The background of the picture."""
         return self.layout.grid
 
     def blocks(self) -> NDArray[np.int64]:
-        """(N,) number of the part, some ``NODES_PER_BLOCK`` nodes, that holds each one."""
+        """(N,) index of the block, about ``NODES_PER_BLOCK`` nodes, of each node."""
         n_parts = max(round(self.graph.n_nodes / NODES_PER_BLOCK), 1)
         if self.graph.points_m is None and not self.graph.is_chain:
-            return np.arange(self.graph.n_nodes)  # nothing says which nodes lie together
+            return np.arange(self.graph.n_nodes)  # without positions, nodes have no order
         return contiguous_parts(self.graph, n_parts)
 
 
@@ -175,42 +175,42 @@ TestItem = EvalMap | EvalDrive | EvalGraph
 
 
 def blocks_of(items: Sequence[TestItem]) -> NDArray[np.int64]:
-    """(N,) the block of each node of the items together, which no two items share.
+    """(N,) the block of each node of all items; blocks of different items are different.
 
-    An item that several splits test on has the same blocks in each: they are drawn together, for
-    testing on them twice tells little that is new.
+    An item in the test data of several splits has the same blocks in each, so that they are
+    resampled together: its results in several splits are not independent.
     """
     blocks: dict[tuple[str, str | None, bytes], NDArray[np.int64]] = {}
     keys = [(item.name, item.building, item.node_truth.tobytes()) for item in items]
     for key, item in zip(keys, items, strict=True):
         if key not in blocks:
             blocks[key] = item.blocks()
-    sizes = [len(part) for part in blocks.values()]
+    sizes = [len(block) for block in blocks.values()]
     apart = np.split(numbered_apart(list(blocks.values())), np.cumsum(sizes)[:-1])
     of_key = dict(zip(blocks, apart, strict=True))
     return np.concatenate([of_key[key] for key in keys])
 
 
 def stretches(drive: Trajectory) -> NDArray[np.int64]:
-    """(T,) number of the stretch of ``STRETCH_M`` along the path that holds each step."""
+    """(T,) index of the stretch of ``STRETCH_M`` along the path of each step."""
     way = np.concatenate([[0.0], np.cumsum(drive.step_lengths_m)])[: len(drive)]
     return (way // STRETCH_M).astype(np.int64)
 
 
 PASSAGE_M = 0.3
-"""A doorway that is labelled this much before or after it was passed through has been found."""
+"""Tolerance along the path between a passage through a doorway and a step labelled doorway."""
 
 
 def door_scores(item: EvalMap, labeling: Labeling, doorway: int) -> DoorScores:
-    """How many doors of a map a method found, missed and invented.
+    """Count the detected, missed and false doors of a method on a map.
 
-    Its doors are the connected pieces of cells that it labelled as doorways.
+    The method's doors are connected components of cells labelled as doorways.
 
     Parameters
     ----------
     item : EvalMap
     labeling : Labeling
-        Of the map's layout.
+        Labels of the map's cells.
     doorway : int
         The label of doorways.
     """
@@ -220,7 +220,7 @@ def door_scores(item: EvalMap, labeling: Labeling, doorway: int) -> DoorScores:
 
 
 def gate_scores(item: EvalMap, spaces: MapSpaces, doorway: int) -> DoorScores:
-    """How many doors of a map the accepted gates match, independent of a method's labels."""
+    """Count the doors of a map that match accepted gates, whatever the labels."""
     match = match_doors(spaces.gates, _known(item), doorway)
     return match.scores(spaces.places.accepted)
 
@@ -231,27 +231,26 @@ def _known(item: EvalMap) -> NDArray[np.int16]:
 
 
 def passage_scores(item: EvalDrive, labeling: Labeling, doorway: int) -> DoorScores:
-    """How many doorways that a drive passes through a method found, missed and invented.
+    """Count the detected, missed and false passages of a drive through doorways.
 
-    A passage is a run of steps in a doorway that is entered and left, and counts once, however many
-    steps it takes. It is found if some step within ``PASSAGE_M`` of it along the path is labelled
-    doorway. A run of steps labelled doorway that has no doorway so near counts as invented, unless
-    the truth is unknown there.
+    A passage is a run of steps in a doorway, with known labels before and after. It is detected if
+    a step within ``PASSAGE_M`` of it along the path is labelled doorway. A run of steps labelled
+    doorway without a doorway within this distance is false, unless the truth is unknown there.
     """
-    truth, found = item.node_truth, labeling.labels
+    truth, labels = item.node_truth, labeling.labels
     way = np.concatenate([[0.0], np.cumsum(item.trajectory.step_lengths_m)])[: len(truth)]
     around = np.concatenate([[-1], truth, [-1]])
     passages: list[slice] = []
     partial: list[slice] = []
     for run in _runs(truth == doorway):
-        whole = around[run.start] >= 0 and around[run.stop + 1] >= 0  # known before and after
-        (passages if whole else partial).append(run)
+        is_complete = around[run.start] >= 0 and around[run.stop + 1] >= 0
+        (passages if is_complete else partial).append(run)
 
     def meets(one: slice, others: Sequence[slice]) -> bool:
         low, high = way[one.start] - PASSAGE_M, way[one.stop - 1] + PASSAGE_M
         return any(way[other.stop - 1] >= low and way[other.start] <= high for other in others)
 
-    claims = _runs(found == doorway)
+    claims = _runs(labels == doorway)
     known = [claim for claim in claims if (truth[claim] >= 0).any()]
     known = [claim for claim in known if meets(claim, passages) or not meets(claim, partial)]
     return DoorScores(

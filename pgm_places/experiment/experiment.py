@@ -1,4 +1,4 @@
-"""An experiment: its configuration and folder, and the notes of its runs."""
+"""An experiment: its configuration and folder, and the records of its runs."""
 
 import os
 import time
@@ -23,22 +23,22 @@ DATA_VARIABLE = "PGM_PLACES_DATA"
 
 @dataclass(frozen=True)
 class Experiment:
-    """A configuration with its folder, and the notes of its runs.
+    """A configuration with its folder, and the records of its runs.
 
     Parameters
     ----------
     config : ExperimentConfig
     folder : Path
-        What the configuration's paths are relative to.
+        Folder that the configuration's paths are relative to.
     progress : Progress
     n_threads : int, optional
     feature_cache : FeatureCache, optional
-        Keeps the features of training maps from one training to the next.
+        Cache of the features of training maps.
     selection : mapping, optional
-        If options were chosen: the candidates tried (``Selection.to_dict``).
+        The candidates of a selection of options (``Selection.to_dict``).
     inputs, seconds, warnings
-        Notes, shared by all variants of an experiment (``dataclasses.replace``): the hash of each
-        file read, the seconds of each stage, and warnings.
+        Records, shared by all variants of an experiment (``dataclasses.replace``): the hash of each
+        input file, the seconds of each stage, and warnings.
     """
 
     config: ExperimentConfig
@@ -53,7 +53,7 @@ class Experiment:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Work with the experiment's threads and progress; its time is added to the named stage."""
+        """Run a block with the experiment's threads and progress; its time counts for a stage."""
         start = time.perf_counter()
         try:
             with thread_limit(self.n_threads), reporting_to(self.progress):
@@ -68,22 +68,22 @@ class Experiment:
         wanted: Callable[[SourceConfig], bool],
         load: Callable[["Experiment", SourceConfig, str], Any],
     ) -> list[Any]:
-        """The wanted sources of ``"train"`` or ``"test"``, in their order.
+        """Load the wanted sources of ``"train"`` or ``"test"``, in order.
 
-        ``load`` is given the place of a source in the configuration, to name it in messages.
+        The last argument of ``load`` is the position of a source in the file, for messages.
         """
         sources = enumerate(getattr(self.config, part))
-        chosen = [(f"{part}[{index}]", item) for index, item in sources if wanted(item)]
-        found: list[Any] = []
+        chosen = [(f"{part}[{index}]", source) for index, source in sources if wanted(source)]
+        loaded: list[Any] = []
         with self.timed("load"), report_stage(f"{part} {what}") as stage:
             for where, source in chosen:
-                found.append(load(self, source, where))
-                stage.update(len(found) / len(chosen), found[-1].name)
-        return found
+                loaded.append(load(self, source, where))
+                stage.update(len(loaded) / len(chosen), loaded[-1].name)
+        return loaded
 
     @contextmanager
     def learning(self) -> Iterator[None]:
-        """The stage ``learn``: its warnings are stored for the results."""
+        """The stage ``learn``, whose warnings are recorded."""
         with self.timed("learn"), warnings.catch_warnings():
             warnings.simplefilter("always", LearningWarning)
             show_other = warnings.showwarning
@@ -100,13 +100,13 @@ class Experiment:
             yield
 
     def warn(self, message: str) -> None:
-        """Keep a warning for the results and show it once."""
+        """Record a warning and show it once."""
         if message not in self.warnings:
             self.warnings.append(message)
             self.progress.warn(message)
 
     def resolve(self, name: str) -> Path:
-        """A path of the configuration, relative to the configuration's folder."""
+        """The absolute path of a name in the configuration."""
         return resolved_path(name, self.folder)
 
     def record_input(self, path: Path) -> None:
@@ -114,7 +114,7 @@ class Experiment:
         self.inputs[self._shown(path)] = sha256_of(path)
 
     def _shown(self, path: Path) -> str:
-        """The path relative to the data folder or the configuration: results name no machine."""
+        """The path relative to the data folder or the configuration, for portable results."""
         data = os.environ.get(DATA_VARIABLE)
         if data and path.is_relative_to(Path(data).resolve()):
             return f"${DATA_VARIABLE}/{path.relative_to(Path(data).resolve()).as_posix()}"

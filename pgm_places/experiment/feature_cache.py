@@ -21,30 +21,30 @@ from pgm_places.options import plain_values
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_table import Block
 
-# The share of the free space that tables may take: other programs need some, too.
+# Largest share of the free disk space for tables.
 MOST_OF_FREE = 0.9
 
 
 @dataclass(frozen=True)
 class FeatureCache:
-    """A folder of feature tables; maps of the same content share one, whatever they are called.
+    """A folder of feature tables, by hash of the map's content.
 
-    A table takes 1.3 kB per cell. Tables that are missing or unreadable are computed and kept; none
-    is ever removed, and the folder may be deleted at any time.
+    A table takes 1.3 kB per cell. Missing or unreadable tables are computed and stored. Tables are
+    never removed, but the folder may be deleted at any time.
 
     Parameters
     ----------
     folder : Path
         Created if needed.
     tell : callable, optional
-        Told, in a line, how much will be written before it is.
+        Called with a line on the size of the tables before they are written.
     """
 
     folder: Path
     tell: Callable[[str], object] | None = None
 
     def key(self, item: LabelledMap, sensor: Sensor, mask: NDArray[np.bool_]) -> str:
-        """The SHA-256 of all that the features of the cells in a mask (H, W) depend on."""
+        """The SHA-256 of all inputs of the features of the cells in a mask (H, W)."""
         grid = item.grid
         about = {
             "version": __version__,
@@ -58,24 +58,24 @@ class FeatureCache:
         digest.update(np.packbits(mask).tobytes())
         return digest.hexdigest()
 
-    def kept(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
-        """The table of that key, mapped from its file; None where there is none of this shape."""
+    def get(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
+        """The table of a key, mapped from its file; None if there is no table of this shape."""
         path = self._path(key)
         try:
-            found = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError):  # not there, or cut off
+            table = np.load(path, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError):  # missing or truncated
             return None
-        if found.shape != shape or found.dtype != np.float32:
+        if table.shape != shape or table.dtype != np.float32:
             return None
-        return np.asarray(found)
+        return np.asarray(table)
 
     def check_space(self, shapes: Sequence[tuple[int, int]]) -> None:
-        """Say how much tables of these shapes will take.
+        """Report the size of tables of these shapes.
 
         Raises
         ------
         OutputError
-            The disk has no room for them.
+            The disk has not enough space for them.
         """
         n_cells = sum(n for n, _ in shapes)
         if not n_cells:
@@ -88,15 +88,15 @@ class FeatureCache:
         what = f"the features of {n_cells:,} cells of {len(shapes):,} maps"
         if n_bytes > MOST_OF_FREE * free:
             raise OutputError(
-                f"{what} would take {_size(n_bytes)} of {self.folder}, and {_size(free)} are free "
-                "there; choose a folder on a larger disk, train without keeping features, or set "
-                "max_examples_per_map (methods that learn from scores read all cells anyway)"
+                f"{what} need {_size(n_bytes)} in {self.folder}, where {_size(free)} are free; "
+                "choose a folder on a larger disk, train without --cache, or set "
+                "max_examples_per_map (but methods trained on scores use all cells)"
             )
         if self.tell is not None:
-            self.tell(f"{what} will take {_size(n_bytes)} of {self.folder}")
+            self.tell(f"{what} will take {_size(n_bytes)} in {self.folder}")
 
-    def keep(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
-        """Write a table: rows (n, F) by their numbers, some at a time.
+    def put(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
+        """Write a table block by block: row indices and rows (n, F).
 
         Raises
         ------
@@ -115,7 +115,7 @@ class FeatureCache:
 
 
 def _reserve(path: Path) -> None:
-    """Give a file its space on the disk: on a full one, writing to a mapped file is fatal."""
+    """Allocate the file's disk space, because writing a mapped file on a full disk is fatal."""
     if hasattr(os, "posix_fallocate"):
         with path.open("r+b") as file:
             os.posix_fallocate(file.fileno(), 0, path.stat().st_size)

@@ -1,4 +1,4 @@
-"""Read user-defined graphs and their true labels for an experiment."""
+"""Reading user-defined graphs and their true labels for an experiment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,11 +26,11 @@ class SourceGraph:
         Its name in tables.
     problem : LabelingProblem
     truth : (N,) int
-        True label of each node, -1 where it is unknown or observed by the methods.
+        True label of each node, -1 where unknown or observed.
     building : str
-        What is held out together.
+        Name of the group of graphs that are held out together.
     features : (tuple of str, tuple of str)
-        What the columns of its node and of its edge features are called.
+        Names of the columns of node features and of edge features.
     """
 
     name: str
@@ -40,24 +40,24 @@ class SourceGraph:
     features: tuple[tuple[str, ...], tuple[str, ...]]
 
     def with_labels_at(self, chosen: NDArray[np.bool_]) -> "SourceGraph":
-        """The whole graph with the true labels of the nodes of a mask (N,) alone."""
+        """The graph with true labels only at the nodes of a mask (N,)."""
         return replace(self, truth=np.where(chosen, self.truth, -1))
 
 
 def load_graphs(
     experiment: Experiment, part: str, like: Sequence[SourceGraph] = ()
 ) -> list[SourceGraph]:
-    """The graphs of ``"train"`` or ``"test"``, in their order.
+    """The graphs of ``"train"`` or ``"test"``, in order.
 
-    ``like`` are graphs whose features these must have, too.
+    They must have the features of the graphs ``like``.
 
     Raises
     ------
     InputError
-        A file cannot be read, a column is missing or holds something else than it should, or
-        features differ between graphs.
+        A file cannot be read, a column is missing or has invalid values, or features differ between
+        graphs.
     LabelError
-        No node of a graph has a label to learn or to test.
+        No node of a graph has a true label that is not observed.
     """
     graphs = experiment.loaded(part, "graphs", lambda _: True, _load)
     for index, graph in enumerate(graphs):
@@ -66,25 +66,25 @@ def load_graphs(
 
 
 def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceGraph:
-    given = source.graph_options
-    tables, file = _tables(experiment, given)
+    options = source.graph_options
+    tables, file = _tables(experiment, options)
     name = source.name or Path(file).stem
     where = f"{where} ({name})"
     try:
-        nodes = _translated(tables.nodes, given, where)
-        features = _features(experiment, nodes, given.features, given.other_columns, file)
-        ties = _features(experiment, tables.edges, given.edge_features, given.ends, file)
+        nodes = _translated(tables.nodes, options, where)
+        features = _features(experiment, nodes, options.features, options.other_columns, file)
+        ties = _features(experiment, tables.edges, options.edge_features, options.ends, file)
         labels = tuple(experiment.config.labels.names)
-        kept = [given.node, *features, *([given.label] if given.label in nodes else [])]
+        columns = [options.node, *features, *([options.label] if options.label in nodes else [])]
         problem, truth = problem_from_tables(
-            {column: _column(nodes, column) for column in kept},
-            {column: _column(tables.edges, column) for column in (*given.ends, *ties)},
-            node=given.node,
-            ends=given.ends,
-            label=given.label,
+            {column: _column(nodes, column) for column in columns},
+            {column: _column(tables.edges, column) for column in (*options.ends, *ties)},
+            node=options.node,
+            ends=options.ends,
+            label=options.label,
             label_names=labels,
         )
-        problem = _with_more(problem, nodes, given)
+        problem = _with_more(problem, nodes, options)
     except InputError as error:
         message = str(error)
         raise type(error)(message if message.startswith(where) else f"{where}: {message}") from None
@@ -92,43 +92,43 @@ def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceGra
         truth = np.where(problem.known >= 0, -1, truth)
     if not (truth >= 0).any():
         raise LabelError(
-            f"{where}: column {given.label!r} has no label to learn or to test that is not told "
-            "already; name the column of true labels with label"
+            f"{where}: column {options.label!r} has no true labels besides the observed ones; name "
+            "the column of true labels with label"
         )
-    building = source.building or str(given.file or given.nodes)
+    building = source.building or str(options.file or options.nodes)
     return SourceGraph(name, problem, truth, building, (features, ties))
 
 
-def _tables(experiment: Experiment, given: GraphConfig) -> tuple[GraphTables, str]:
-    """The tables of a graph, and what its file is called."""
-    path = experiment.resolve(str(given.file or given.nodes))
-    if given.file is not None:
-        tables = read_graphml(path, given.node, given.ends)
+def _tables(experiment: Experiment, options: GraphConfig) -> tuple[GraphTables, str]:
+    """The tables of a graph, and the name of its file."""
+    path = experiment.resolve(str(options.file or options.nodes))
+    if options.file is not None:
+        tables = read_graphml(path, options.node, options.ends)
     else:
-        ends: Table = {end: [] for end in given.ends}
+        ends: Table = {end: [] for end in options.ends}
         tables = GraphTables(read_table(path), ends)
-        if given.edges is not None:
-            edge_path = experiment.resolve(given.edges)
+        if options.edges is not None:
+            edge_path = experiment.resolve(options.edges)
             tables = tables._replace(edges=read_table(edge_path))
             experiment.record_input(edge_path)
     experiment.record_input(path)
     return tables, path.name
 
 
-def _translated(nodes: Table, given: GraphConfig, where: str) -> Table:
+def _translated(nodes: Table, options: GraphConfig, where: str) -> Table:
     """The nodes with labels in the configuration's names."""
-    if given.classes is None:
+    if options.classes is None:
         return nodes
-    classes, translated, otherwise = given.classes, dict(nodes), given.classes.get("*", "")
-    for column in filter(None, (given.label, given.known)):
+    classes, translated, otherwise = options.classes, dict(nodes), options.classes.get("*", "")
+    for column in filter(None, (options.label, options.known)):
         translated[column] = [
             "" if is_empty(value) else classes.get(str(value), otherwise)
             for value in _column(nodes, column)
         ]
-    if all(is_empty(value) for value in translated[given.label]):
-        said = sorted({str(v) for v in nodes[given.label] if not is_empty(v)})
+    if all(is_empty(value) for value in translated[options.label]):
+        names = sorted({str(v) for v in nodes[options.label] if not is_empty(v)})
         raise LabelError(
-            f"{where}: classes translates none of {quoted(said)} in column {given.label!r}"
+            f"{where}: classes translates none of {quoted(names)} in column {options.label!r}"
         )
     return translated
 
@@ -146,7 +146,7 @@ def _features(
     others: Sequence[str],
     where: str,
 ) -> tuple[str, ...]:
-    """The columns of features: those named, or all of numbers; what is left out is said."""
+    """The feature columns: the named ones, or all numeric ones with a warning about others."""
     if named is not None:
         _check_numbers(table, named)
         return named
@@ -159,8 +159,8 @@ def _features(
             features.append(column)
         else:
             experiment.warn(
-                f"{where}: column {quoted(column)} holds {quoted(odd[0])}, which is not a finite "
-                "number, and is left out of the features"
+                f"{where}: column {quoted(column)} has the value {quoted(odd[0])}, which is not a "
+                "finite number, and is not used as a feature"
             )
     return tuple(features)
 
@@ -171,31 +171,31 @@ def _odd_value(values: Sequence[Any]) -> tuple[Any] | None:
         try:
             if np.isfinite(float(value)):
                 continue
-        except (TypeError, ValueError, OverflowError):  # of 400 digits
+        except (TypeError, ValueError, OverflowError):  # OverflowError: 400 digits
             pass
         return (value,)
     return None
 
 
-def _with_more(problem: LabelingProblem, nodes: Table, given: GraphConfig) -> LabelingProblem:
-    """The problem with positions, evidence, and what a classifier of the user's own says."""
+def _with_more(problem: LabelingProblem, nodes: Table, options: GraphConfig) -> LabelingProblem:
+    """The problem with positions, observed labels, and probabilities of the user's classifier."""
     graph, names = problem.graph, problem.label_names
-    if given.positions is not None:
-        graph = replace(graph, points_m=_numbers(nodes, given.positions))
+    if options.positions is not None:
+        graph = replace(graph, points_m=_numbers(nodes, options.positions))
     known = None
-    if (told := given.known) is not None:
-        known = np.array([_label(value, names, told) for value in _column(nodes, told)])
-    if given.probabilities is None:
+    if (column := options.known) is not None:
+        known = np.array([_label(value, names, column) for value in _column(nodes, column)])
+    if options.probabilities is None:
         return replace(problem, graph=graph, known=known)
-    if len(given.probabilities) != len(names):
+    if len(options.probabilities) != len(names):
         raise InputError(
             f"probabilities must name a column for each of the {len(names)} labels {list(names)}, "
-            f"got {list(given.probabilities)}"
+            f"got {list(options.probabilities)}"
         )
     return LabelingProblem.from_probabilities(
         graph,
         names,
-        _numbers(nodes, given.probabilities),
+        _numbers(nodes, options.probabilities),
         node_features=problem.node_features,
         edge_features=problem.edge_features,
         known=known,
@@ -207,7 +207,7 @@ def _label(value: Any, names: Sequence[str], column: str) -> int:
         return -1
     if str(value) not in names:
         raise LabelError(
-            f"column {column!r} holds {quoted(value)}, which is not one of {list(names)}"
+            f"column {column!r} has the value {quoted(value)}, which is not one of {list(names)}"
         )
     return list(names).index(str(value))
 
@@ -228,7 +228,7 @@ def _check_features(first: SourceGraph, other: SourceGraph, where: str) -> None:
     for what, wanted, got in zip(("node", "edge"), first.features, other.features, strict=True):
         if wanted != got:
             raise InputError(
-                f"{where} ({other.name}): its {what} features are {list(got)}, those of "
-                f"{first.name} are {list(wanted)}; name the columns that all graphs have with "
+                f"{where} ({other.name}): its {what} features are {list(got)}, but {first.name} "
+                f"has {list(wanted)}; list the common columns in "
                 f"{'features' if what == 'node' else 'edge_features'}"
             )

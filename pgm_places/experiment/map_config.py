@@ -1,4 +1,4 @@
-"""A map of an experiment as the configuration describes it: files or a seed, and a window."""
+"""Configuration of a map of an experiment: files or a seed, and a window."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -24,18 +24,18 @@ class MapConfig:
     ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
     labels (corridor, room, doorway; see ``pgm_places.simulation``). ``labels`` is a label image on
     the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres with a property
-    ``class``; ``classes`` translates the names of either; names that it leaves out have no label.
+    ``class``. ``classes`` translates the names of either; other names have no label.
     ``corrections``, a label image or GeoJSON of polygons and lines with the configuration's labels,
-    overrides these labels wherever it has one; without labels, it is all that is known of the map.
+    overrides these labels; it may also be the only source of labels.
     ``columns`` and ``rows`` are half-open ranges of image columns and rows counted from the left
     and the top; ``x_m`` and ``y_m`` are ranges in map metres; ``half`` is the part of a generated
-    building left or right of the border between its wings, ``style``, ``halls``, ``furniture`` and
-    ``slam_noise`` say how it is drawn (:func:`pgm_places.simulation.generate_building`).
-    ``simulated`` is a seed: the map is replaced by one that a robot would make of it, as
-    ``simulation`` says (:func:`pgm_places.simulation.simulate_map`). Maps of one ``building`` are
-    held out together; by default, so are parts of the same map and maps simulated from it.
-    ``domain`` names where maps of this kind come from, such as "drawn" or "simulated": with several
-    domains, the list with spaces is the mean of lists that each leave one of them out.
+    building left or right of the border between its wings; ``style``, ``halls``, ``furniture`` and
+    ``slam_noise`` are options of :func:`pgm_places.simulation.generate_building`.
+    ``simulated`` is a seed: the map is replaced by a simulated robot map with the options
+    ``simulation`` (:func:`pgm_places.simulation.simulate_map`). Maps of one ``building`` are held
+    out together; by default, so are parts of the same map and maps simulated from it. ``domain``
+    names the origin of maps, such as "drawn" or "simulated": with several domains, the list with
+    space features is the mean of lists that are each trained without one of them.
     """
 
     map: str | None = None
@@ -67,7 +67,7 @@ class MapConfig:
 
     def _check_map(self) -> None:
         if (self.map is None) == (self.generated is None):
-            raise ConfigError("give either map (a YAML file) or generated (a seed)")
+            raise ConfigError("either map (a YAML file) or generated (a seed) is required")
         if self.generated is not None:
             if not (self.labels is self.regions is self.corrections is None):
                 raise ConfigError(
@@ -75,23 +75,23 @@ class MapConfig:
                     "corrections"
                 )
         elif self.half is not None:
-            raise ConfigError("half is for generated buildings; give columns or x_m of a map")
+            raise ConfigError("half is for generated buildings; use columns or x_m for a map")
         elif self.drawn:
             raise ConfigError(f"{', '.join(self.drawn)}: for generated buildings only")
         elif None not in (self.labels, self.regions) or (
             self.labels is self.regions is self.corrections is None
         ):
             raise ConfigError(
-                "give either labels (an image) or regions (a GeoJSON file), or corrections alone"
+                "either labels (an image), regions (a GeoJSON file) or corrections is required"
             )
         if self.classes is not None and self.generated is not None:
-            raise ConfigError("classes translates the names of labels or regions; there are none")
+            raise ConfigError("classes requires labels or regions, whose names it translates")
         if self.simulation is not None and self.simulated is None:
-            raise ConfigError("simulation says how a map is simulated; give simulated, a seed")
+            raise ConfigError("simulation requires simulated (a seed)")
 
     @property
     def window(self) -> dict[str, tuple[Any, Any]]:
-        """The limits of the window along each axis that has any; None where an end is open."""
+        """The limits of the window by axis; None for an open end."""
         limits = {name: getattr(self, name) for name in ("columns", "rows", "x_m", "y_m")}
         return {
             name: (_end(ends[0]), _end(ends[1]))
@@ -101,7 +101,7 @@ class MapConfig:
 
     @property
     def drawn(self) -> dict[str, Any]:
-        """How to draw a generated building, where it is not the default."""
+        """The options of a generated building that are not at their defaults."""
         named = {
             name: getattr(self, name) for name in ("style", "halls", "furniture", "slam_noise")
         }

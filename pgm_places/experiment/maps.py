@@ -1,4 +1,4 @@
-"""The labelled maps of an experiment, coarsened and cropped to windows as configured."""
+"""Loading the labelled maps of an experiment, resampled and with windows as configured."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from pgm_places.teaching.paint import Paint
 
 
 def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
-    """The maps among the sources of ``"train"`` or ``"test"``, coarsened and windowed."""
+    """The maps among the sources of ``"train"`` or ``"test"``, resampled and with windows."""
     return experiment.loaded(part, "maps", lambda item: not item.is_drive, load_map_of)
 
 
@@ -60,14 +60,14 @@ def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) ->
     coarse = coarsen(grid, target_m)
     # A coarse cell belongs to the window that contains its centre.
     centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
-    assert fine.window is not None  # it was read with the map
+    assert fine.window is not None
     chosen = at_cells(fine.window, grid.cells_at_m(centres), False)
     labels = coarsen_labels(fine.labels, grid, coarse)
     return replace(fine, grid=coarse, labels=labels, window=chosen.reshape(coarse.shape))
 
 
 def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> LabelledMap:
-    """The map as a robot would have mapped it, with cells of the configured size."""
+    """The simulated robot map of a plan, with cells of the configured size."""
     from pgm_places.simulation.simulated_map import simulate_map
 
     config = experiment.config
@@ -82,7 +82,7 @@ def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> 
 
 
 def load_grid(experiment: Experiment, source: MapConfig) -> LabelledMap:
-    """The map of a log, with cells of the configured size; -1 throughout without labels."""
+    """The map of a log, with cells of the configured size; all labels are -1 without a file."""
     grid, labels, origin = _read_map(experiment, source)
     name = source.name or _default_name(source, origin)
     window = window_mask(grid, **source.window)
@@ -119,7 +119,7 @@ def _read_map(
 def _generated(
     experiment: Experiment, seed: int, drawn: dict[str, Any]
 ) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
-    """A generated building with the configuration's labels, by name, and where to cut it."""
+    """A generated building with the configuration's labels, its title, and the border column."""
     from pgm_places.simulation.building import generate_building
 
     building = generate_building(seed, **drawn)

@@ -11,25 +11,25 @@ from pgm_places.experiment.experiment import Experiment
 
 
 def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: str) -> Comparison:
-    """The comparisons of all splits as one: what was tested, side by side.
+    """Merge the comparisons of all splits, with the test items of all.
 
     Parameters
     ----------
     experiment : Experiment
-        Gets the warnings of all parts.
+        Receives the warnings of all parts.
     parts : mapping of str to Comparison
-        By the name of the split.
+        Comparisons by name of the split.
     words : str
-        What the title adds.
+        Appended to the title.
     """
     every = list(parts.values())
-    first, maps = every[0], tuple(item for part in every for item in part.maps)
+    first, maps = every[0], tuple(result for part in every for result in part.maps)
     ends = np.cumsum([0, *(len(part.maps) for part in every)]).tolist()
     methods = []
     for results in zip(*(part.methods for part in every), strict=True):
-        merged = _side_by_side(results)
+        merged = _concatenated(results)
         intervals = score_intervals(maps, [merged.labelings], len(first.label_names))
-        choices = _choices(dict(zip(parts, [item.choices for item in results], strict=True)))
+        choices = _choices(dict(zip(parts, [result.choices for result in results], strict=True)))
         methods.append(replace(merged, intervals=intervals, choices=choices))
     return replace(
         _noted(experiment, every),
@@ -44,25 +44,25 @@ def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: 
 
 
 def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Comparison:
-    """The comparisons of the same data with several seeds as one: means, and what they vary by.
+    """Merge the comparisons of the same data with several seeds.
 
-    Figures are of all seeds together. Labellings, histories, doors and what was learned are those
-    of the first seed; ``by_seed`` of each method has the labellings of all.
+    Figures are over all seeds. Labellings, histories, doors and learned values are of the first
+    seed; ``by_seed`` of each method has the labellings of all seeds.
     """
     every, methods = list(parts.values()), []
     first = every[0]
     for results in zip(*(part.methods for part in every), strict=True):
-        pooled = _repeated(dict(zip(parts, results, strict=True)))
-        labelings = [item.labelings for item in results]
+        pooled = _pooled(dict(zip(parts, results, strict=True)))
+        labelings = [result.labelings for result in results]
         intervals = score_intervals(first.maps, labelings, len(first.label_names))
         choices = _choices(
-            {f"seed {seed}": item.choices for seed, item in zip(parts, results, strict=True)}
+            {f"seed {seed}": result.choices for seed, result in zip(parts, results, strict=True)}
         )
         methods.append(replace(pooled, intervals=intervals, choices=choices))
-    if all(_always_the_same(method) for method in methods):
+    if all(_is_independent_of_seed(method) for method in methods):
         experiment.warn(
-            f"all methods label alike with each of the {len(parts)} seeds: nothing in what they "
-            "learn is drawn by chance, so seeds say nothing; compare on several splits instead"
+            f"the labels of all methods are equal for all {len(parts)} seeds, because their "
+            "training is not random; compare on several splits instead"
         )
     return replace(
         _noted(experiment, every),
@@ -74,10 +74,10 @@ def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Compa
 
 
 def _choices(parts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-    """What all parts chose, once where they agree, else with the name of each part."""
+    """The choices of all parts: once if they agree, else with the name of each part."""
     chosen: dict[str, str] = {}
-    for option in dict.fromkeys(option for found in parts.values() for option in found):
-        words = {name: found[option] for name, found in parts.items() if option in found}
+    for option in dict.fromkeys(option for choices in parts.values() for option in choices):
+        words = {name: choices[option] for name, choices in parts.items() if option in choices}
         if len(words) == len(parts) and len({*words.values()}) == 1:
             chosen[option] = next(iter(words.values()))
         else:
@@ -86,7 +86,7 @@ def _choices(parts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
 
 
 def _noted(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:
-    """The first of the parts, with the seconds, inputs and warnings of all."""
+    """The first part with the seconds, inputs and warnings of all."""
     seconds: dict[str, float] = {}
     inputs = dict(experiment.inputs)
     for part in parts:
@@ -99,8 +99,8 @@ def _noted(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:
     return replace(parts[0], stage_seconds=seconds, inputs=inputs, warnings=notes)
 
 
-def _side_by_side(results: Sequence[MethodResult]) -> MethodResult:
-    """The results of one method on all splits; what it learned differs between them."""
+def _concatenated(results: Sequence[MethodResult]) -> MethodResult:
+    """The results of one method on all splits, without learned values, which differ."""
     return replace(
         results[0],
         labelings=tuple(item for result in results for item in result.labelings),
@@ -114,25 +114,27 @@ def _side_by_side(results: Sequence[MethodResult]) -> MethodResult:
     )
 
 
-def _repeated(results: Mapping[int, MethodResult]) -> MethodResult:
-    """The results of one method with all seeds; its seconds are those of one seed on average."""
+def _pooled(results: Mapping[int, MethodResult]) -> MethodResult:
+    """The results of one method with all seeds; seconds are means over seeds."""
     every = list(results.values())
-    by_map = zip(*(item.evaluations for item in every), strict=True)
+    by_map = zip(*(result.evaluations for result in every), strict=True)
     return replace(
         every[0],
         evaluations=tuple(Evaluation.merged(list(of_seeds)) for of_seeds in by_map),
-        evaluation=Evaluation.merged([item.evaluation for item in every]),
+        evaluation=Evaluation.merged([result.evaluation for result in every]),
         seconds={
-            key: float(np.mean([item.seconds[key] for item in every])) for key in ("learn", "infer")
+            key: float(np.mean([result.seconds[key] for result in every]))
+            for key in ("learn", "infer")
         },
         by_seed={
-            seed: SeedResult(item.labelings, item.evaluation) for seed, item in results.items()
+            seed: SeedResult(result.labelings, result.evaluation)
+            for seed, result in results.items()
         },
     )
 
 
-def _always_the_same(method: MethodResult) -> bool:
-    first, *others = (item.labelings for item in method.by_seed.values())
+def _is_independent_of_seed(method: MethodResult) -> bool:
+    first, *others = (result.labelings for result in method.by_seed.values())
     return all(
         np.array_equal(one.labels, two.labels)
         for other in others

@@ -1,4 +1,4 @@
-"""What each kind of node needs in an experiment: cells of maps, steps of drives, graph nodes."""
+"""Experiment tasks of each kind of nodes: cells of maps, steps of drives, nodes of graphs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -54,28 +54,28 @@ from pgm_places.unary.list_learning import with_explicit_order
 
 
 def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> PlaceLabeler:
-    """The base model of the configuration, taught the labels of training maps in their order.
+    """The base model of the configuration, trained further on the training maps one by one.
 
-    Without a base model (``"none"``), only the first map is learned from.
+    Without a base model (``"none"``), the first map is the training data of the first model.
 
     Raises
     ------
     ModelFileError
         There is no such model.
     LabelError
-        A label of the model is not among the configuration's; without a model, the first map has
+        A label of the model is not in the configuration; or, without a model, the first map has
         fewer than two labels.
     """
     config = experiment.config
     labeler = _base_model(experiment)
     with experiment.learning():
-        for item in maps:
+        for map_ in maps:
             teacher = InteractiveLabeler(
-                item.grid, labeler, classes=config.labels.names, options=config.teaching
+                map_.grid, labeler, classes=config.labels.names, options=config.teaching
             )
-            labels = item.labels
-            if item.window is not None:
-                labels = np.where(item.window, labels, np.int16(-1))
+            labels = map_.labels
+            if map_.window is not None:
+                labels = np.where(map_.window, labels, np.int16(-1))
             paint = Paint(labels, config.labels.names)
             labeler = teacher.learned(paint)
     assert labeler is not None  # there is at least one training map
@@ -87,19 +87,19 @@ def _base_model(experiment: Experiment) -> PlaceLabeler | None:
     if name == NO_MODEL:
         return None
     folder = model_folder(name if name in NAMES else experiment.resolve(name))
-    found = trained_labeler(folder)
+    labeler = trained_labeler(folder)
     experiment.inputs[f"{name}/{MANIFEST}"] = sha256_of(folder / MANIFEST)
-    return found
+    return labeler
 
 
 def tested_map(item: LabelledMap, layout: GridLayout, name: str | None = None) -> EvalMap:
-    """A map whose cells are labelled, under its own or another name."""
+    """An evaluated map, with its own or another name."""
     window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
     return EvalMap(name or item.name, item.grid, item.labels, layout, window, item.building)
 
 
 class CellTask:
-    """The cells of maps."""
+    """Labelling the cells of maps."""
 
     tested: ClassVar[Tested] = "maps"
 
@@ -107,12 +107,12 @@ class CellTask:
         self.labeler = make_labeler(config) if config.base_model is None else None
 
     def check_savable(self) -> None:
-        """A base model has been saved before."""
+        """Check that the labeler can be saved; a base model can."""
         if self.labeler is not None:
             check_savable(self.labeler)
 
     def learn(self, experiment: Experiment, sources: Sources) -> dict[str, PlaceLabeler]:
-        """The labeler of all methods, fitted on the maps, or trained further on them."""
+        """A labeler with all methods, fitted on the maps or trained further on them."""
         maps, labeler = sources.maps, self.labeler
         if labeler is None:
             labeler = taught_labeler(experiment, maps)
@@ -127,7 +127,7 @@ class CellTask:
     def scored(
         self, experiment: Experiment, labelers: Mapping[str, PlaceLabeler], source: LabelledMap
     ) -> ScoredTest:
-        """A map, its cells scored by the lists."""
+        """A map with the scores of its cells."""
         labeler = next(iter(labelers.values()))
         hall_names = HallNames.among(experiment.config.labels.names)
         if hall_names is not None:
@@ -139,8 +139,8 @@ class CellTask:
         def label(name: str) -> Sequence[Labeling]:
             return [labeler.infer(graph, scores, method=name, truth=truth)]
 
-        def doors(found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
-            return (door_scores(item, found[0], doorway),)
+        def doors(labelings: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
+            return (door_scores(item, labelings[0], doorway),)
 
         def gates(doorway: int) -> tuple[DoorScores, ...]:
             model = labeler.unary_model_.space
@@ -156,7 +156,7 @@ class CellTask:
 
 
 class _DriveTask:
-    """What both kinds of drives share: a labeler for each method."""
+    """Common parts of the tasks with drives: a labeler for each method."""
 
     tested: ClassVar[Tested] = "drives"
 
@@ -168,29 +168,29 @@ class _DriveTask:
         one_method(self.config, "drives")
 
     def method(self, _name: str, labeler: TrajectoryLabeler | JointLabeler) -> PlaceMethod:
-        """The labeler's only one."""
+        """The labeler's only method."""
         return PlaceMethod(labeler.method_, "laser")
 
 
 class StepTask(_DriveTask):
-    """The steps of drives."""
+    """Labelling the steps of drives."""
 
     def __init__(self, config: ExperimentConfig) -> None:
         super().__init__(config)
         self.labeler = step_labeler(config)
 
     def learn(self, experiment: Experiment, sources: Sources) -> dict[str, TrajectoryLabeler]:
-        """The labelers share the lists and learn from the same held-out scores."""
+        """Fitted labelers with one list, trained on the same held-out scores."""
         names = counted_objects(sources.drives)
-        counts = [item.count_columns(names) for item in sources.drives]
+        counts = [drive.count_columns(names) for drive in sources.drives]
         extra = [columns for columns in counts if columns is not None]
         with experiment.learning():
             learned = self.labeler.set_params(extra_names=tuple(names)).fit_methods(
                 self.methods,
                 sources.maps,
-                [item.trajectory for item in sources.drives],
+                [drive.trajectory for drive in sources.drives],
                 extra=extra or None,
-                known_map=[item.grid for item in sources.drives],
+                known_map=[drive.grid for drive in sources.drives],
             )
         return {**learned}
 
@@ -200,11 +200,11 @@ class StepTask(_DriveTask):
         labelers: Mapping[str, TrajectoryLabeler],
         source: SourceDrive,
     ) -> ScoredTest:
-        """A drive, its steps scored by the list."""
+        """A drive with the scores of its steps."""
         path, first = source.trajectory, next(iter(labelers.values()))
         extra = source.count_columns(first.scan_model_.extra_names)
         if extra is None and source.counts is not None:
-            raise ConfigError(f"{source.name}: the training drives have no counts; remove these")
+            raise ConfigError(f"{source.name}: the training drives have no counts; remove counts")
         with experiment.timed("score steps"):
             scores = first.scores(path, known_map=source.grid, extra=extra)
             grid = source.grid if source.grid is not None else map_of_scans(path)
@@ -213,68 +213,65 @@ class StepTask(_DriveTask):
         def label(name: str) -> Sequence[Labeling]:
             return [labelers[name].infer(path, scores, map_prior=source.prior, truth=path.labels)]
 
-        def doors(found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
-            return (passage_scores(item, found[0], doorway),)
+        def doors(labelings: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
+            return (passage_scores(item, labelings[0], doorway),)
 
         return ScoredTest([item], label, doors)
 
 
 class StepAndCellTask(_DriveTask):
-    """The steps of drives together with the cells of their maps."""
+    """Labelling the steps of drives together with the cells of their maps."""
 
     def __init__(self, config: ExperimentConfig) -> None:
         super().__init__(config)
         self.labeler = joint_labeler(config)
 
     def learn(self, experiment: Experiment, sources: Sources) -> dict[str, JointLabeler]:
-        """The labelers share both lists."""
-        pairs = [MappedDrive(_map_of(item), item.trajectory) for item in sources.drives]
+        """Fitted labelers with the same two lists."""
+        pairs = [MappedDrive(_map_of(drive), drive.trajectory) for drive in sources.drives]
         with experiment.learning():
             return {**self.labeler.fit_methods(self.methods, pairs, sources.maps)}
 
     def scored(
         self, experiment: Experiment, labelers: Mapping[str, JointLabeler], source: SourceDrive
     ) -> ScoredTest:
-        """A drive and its map, steps and cells scored by their lists."""
+        """A drive and its map, with the scores of steps and cells."""
         path, known, first = source.trajectory, _map_of(source), next(iter(labelers.values()))
         with experiment.timed("score steps"):
             scores = first.scores(known.grid, path, mask=known.cells)
         cells = scores.graph.cells
-        assert cells is not None  # there is a map
+        assert cells is not None
         on_map = tested_map(known, cells.grid_layout, f"{path.name}: cells")
 
         def label(name: str) -> Sequence[Labeling]:
-            found = labelers[name].infer(scores)
-            assert found.cells is not None and found.steps is not None  # a map and a drive
-            # Score and history belong to all nodes together; they are reported with the cells.
-            return [found.cells, replace(found.steps, score=None, bound=None, info={})]
+            joint = labelers[name].infer(scores)
+            assert joint.cells is not None and joint.steps is not None
+            # Score and history are for all nodes; they are reported with the cells.
+            return [joint.cells, replace(joint.steps, score=None, bound=None, info={})]
 
         return ScoredTest([on_map, EvalDrive(f"{path.name}: steps", path, known.grid)], label)
 
 
 def _map_of(drive: SourceDrive) -> LabelledMap:
-    assert drive.map is not None  # the configuration has been checked
+    assert drive.map is not None  # checked by ExperimentConfig
     return drive.map
 
 
 def _classifier(
-    given: Any, problems: Sequence[LabelingProblem], truths: Sequence[NDArray[np.int64]]
+    classifier: Any, problems: Sequence[LabelingProblem], truths: Sequence[NDArray[np.int64]]
 ) -> Any:
-    """The classifier in its order of labels; None where there is nothing to classify, or all said.
-
-    The order is that of frequency among all labelled nodes.
-    """
+    """The classifier with labels ordered by frequency; None without one, or for given unaries."""
     has_unary = [problem.unary is not None for problem in problems]
     if any(has_unary) and not all(has_unary):
-        raise ConfigError("give probabilities or node features for all graphs, not for some")
-    if given is None or all(has_unary):
+        raise ConfigError("probabilities must be given for all graphs or for none")
+    if classifier is None or all(has_unary):
         return None
     truth = np.concatenate(truths)
-    return with_explicit_order(given, truth[truth >= 0])
+    return with_explicit_order(classifier, truth[truth >= 0])
 
 
 class GraphTask:
-    """The nodes of user-defined graphs."""
+    """Labelling the nodes of user-defined graphs."""
 
     tested: ClassVar[Tested] = "graphs"
 
@@ -286,22 +283,22 @@ class GraphTask:
         one_method(self.config, "graphs")
 
     def learn(self, experiment: Experiment, sources: Sources) -> dict[str, StructuredLabeler]:
-        """The labelers share their classifier; methods with ``unary = "none"`` have none."""
-        problems = [item.problem for item in sources.graphs]
-        truths = [item.truth for item in sources.graphs]
+        """Fitted labelers with one classifier; methods with ``unary = "none"`` have none."""
+        problems = [graph.problem for graph in sources.graphs]
+        truths = [graph.truth for graph in sources.graphs]
         learned: dict[str, StructuredLabeler] = {}
         with experiment.learning():
             for alone in (False, True):
                 chosen = {
-                    name: item
-                    for name, item in self.labelers.items()
-                    if (item.classifier is None) == alone
+                    name: graph
+                    for name, graph in self.labelers.items()
+                    if (graph.classifier is None) == alone
                 }
                 if not chosen:
                     continue
                 shared = next(iter(chosen.values()))
                 shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
-                methods = {name: item.backend for name, item in chosen.items()}
+                methods = {name: graph.backend for name, graph in chosen.items()}
                 learned |= shared.fit_methods(methods, problems, truths)
         return {name: learned[name] for name in self.labelers}
 
@@ -311,7 +308,7 @@ class GraphTask:
         labelers: Mapping[str, StructuredLabeler],
         source: SourceGraph,
     ) -> ScoredTest:
-        """A graph, which each labeler scores by itself."""
+        """A graph; each labeler computes its own scores."""
 
         def label(name: str) -> Sequence[Labeling]:
             return [labelers[name].label(source.problem, truth=source.truth)]
@@ -320,6 +317,6 @@ class GraphTask:
         return ScoredTest([item], label)
 
     def method(self, name: str, labeler: StructuredLabeler) -> GraphMethod:
-        """The labeler's only one."""
+        """The labeler's only method."""
         [unary] = [method.unary for method in self.config.methods if method.id == name]
         return GraphMethod(labeler.backend_, unary)

@@ -13,69 +13,58 @@ from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.experiment.sources import Source
 from pgm_places.maps.labelled_map import LabelledMap
 
-_WHOLES = {"cell": "maps", "step": "drives", "node": "graphs"}
-"""What nodes are part of."""
+_SOURCES = {"cell": "maps", "step": "drives", "node": "graphs"}
+"""The kind of source of each kind of node."""
 
 MOST_NAMES = 3
-"""Names that a warning lists; of more it gives their number."""
+"""Most names in a warning."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Nodes:
-    """The labelled nodes of a map, a drive or a graph.
-
-    Parameters
-    ----------
-    name : str
-    unit : str
-        ``cell``, ``step`` or ``node``.
-    whole : str
-        What they are part of, by its content: nodes of another whole are other nodes.
-    labelled : (n,)
-        What tells them from each other there.
-    """
+    """The labelled nodes of a source: their kind, a digest of the source, and their ids in it."""
 
     name: str
     unit: str
-    whole: str
-    labelled: NDArray[np.generic]
+    source: str
+    ids: NDArray[np.generic]
 
 
 def warn_of_overlap(
     experiment: Experiment, train: Sequence[Source], test: Sequence[Source]
 ) -> None:
-    """One line for nodes that are trained and tested on, and one for buildings.
+    """Warn of nodes and of buildings that are both in the training and in the test data.
 
-    Nodes are the same where the raster, the steps or the graph are, whatever their files are
-    called. A building counts where the configuration names it, or where maps of one plan differ;
-    parts of one raster may be trained and tested on.
+    Nodes are identified by the content of the raster, the steps or the graph, not by file names.
+    Buildings are compared if the configuration names them, or for different maps of one plan;
+    parts of one raster may be in both.
     """
     joined = experiment.config.nodes == "both"
-    learned, asked = (
-        [part for item in sources for part in _labelled_nodes(item, joined)]
+    trained, tested = (
+        [nodes for source in sources for nodes in _labelled_nodes(source, joined)]
         for sources in (train, test)
     )
-    for unit in _WHOLES:
-        _warn_of_nodes(experiment, unit, learned, asked)
+    for unit in _SOURCES:
+        _warn_of_nodes(experiment, unit, trained, tested)
     _warn_of_buildings(experiment, train, test)
 
 
 def _warn_of_nodes(
-    experiment: Experiment, unit: str, learned: Sequence[_Nodes], asked: Sequence[_Nodes]
+    experiment: Experiment, unit: str, trained: Sequence[_Nodes], tested: Sequence[_Nodes]
 ) -> None:
     shared, total, names = 0, 0, []
-    for item in asked:
-        if item.unit != unit:
+    for nodes in tested:
+        if nodes.unit != unit:
             continue
-        seen = [other.labelled for other in learned if other.whole == item.whole]
-        count = int(np.isin(item.labelled, np.concatenate(seen)).sum()) if seen else 0
-        shared, total = shared + count, total + len(item.labelled)
-        names += [item.name] if count else []
+        others = [other.ids for other in trained if other.source == nodes.source]
+        count = int(np.isin(nodes.ids, np.concatenate(others)).sum()) if others else 0
+        shared, total = shared + count, total + len(nodes.ids)
+        names += [nodes.name] if count else []
     if shared:
         experiment.warn(
             f"{shared:,} of {total:,} labelled test {unit}s are also trained on "
-            f"({_listed(names)}): figures on them say nothing about new {_WHOLES[unit]}; test on "
-            "others, or on other parts of these"
+            f"({_listed(names)}): results on them are over-optimistic; test on other "
+            f"{_SOURCES[unit]}, or on other parts of these"
         )
 
 
@@ -94,26 +83,26 @@ def _warn_of_buildings(
                 both.append(str(item.building))
     if both:
         experiment.warn(
-            f"[[train]] and [[test]] share a building ({_listed(both)}): figures say little about "
-            "other buildings; test in another one"
+            f"[[train]] and [[test]] share a building ({_listed(both)}): results are "
+            "over-optimistic for other buildings; test in another building"
         )
 
 
 def _named_building(source: SourceConfig) -> str | None:
-    """The building that a configuration gives to a source."""
+    """The building of a source in the configuration, or None."""
     return source.building or (source.drive.building if source.drive else None)
 
 
 def _labelled_nodes(item: Source, joined: bool) -> list[_Nodes]:
-    """Those of a source; of a drive also the cells of its map, where both are labelled."""
+    """The labelled nodes of a source; for a drive labelled with its map, also the map's cells."""
     if isinstance(item, LabelledMap):
         cells = np.flatnonzero(item.labelled_cells)
         return [_Nodes(item.name, "cell", _raster(item), cells)]
     if isinstance(item, SourceGraph):
         problem = item.problem
         arrays = (problem.graph.edges, problem.node_features, problem.unary, problem.edge_features)
-        whole = _digest(*(part for part in arrays if part is not None))
-        return [_Nodes(item.name, "node", whole, np.flatnonzero(item.truth >= 0))]
+        digest = _digest(*(array for array in arrays if array is not None))
+        return [_Nodes(item.name, "node", digest, np.flatnonzero(item.truth >= 0))]
     # Steps are identified by their time and pose, so that parts of one log are recognised.
     drive, known = item.trajectory, item.labels >= 0
     rows = np.column_stack([drive.times_s, drive.poses])[known]
@@ -126,7 +115,7 @@ def _raster(item: LabelledMap) -> str:
 
 
 def _digest(*arrays: NDArray[np.generic]) -> str:
-    """A text that is the same for equal arrays alone."""
+    """A hash of arrays."""
     digest = hashlib.blake2b(digest_size=16)
     for array in arrays:
         digest.update(f"{array.shape} {array.dtype}".encode())

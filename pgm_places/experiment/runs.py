@@ -28,11 +28,11 @@ REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "cvxpy", "osqp", "network
 
 
 def train(experiment: Experiment, *, to_save: bool = False) -> Trained:
-    """The methods of the configuration, fitted on its training data, or trained further on them.
+    """Fit the methods of the configuration, or train its base model further.
 
-    If the configuration has a table ``[select]``, options are first chosen on the training data
-    alone: the returned experiment has the chosen configuration, and its ``selection`` records the
-    candidates. What is ``to_save`` as a model is refused before training if it cannot be saved.
+    With a table ``[select]``, options are first chosen on the training data: the returned
+    experiment has the chosen configuration, and its ``selection`` records the candidates. With
+    ``to_save``, a model that cannot be saved is an error before training.
     """
     task = task_of(experiment.config)
     if to_save:
@@ -51,19 +51,19 @@ def _trained(task: Task, experiment: Experiment, sources: Sources) -> Trained:
 
 
 def compare(experiment: Experiment) -> Comparison:
-    """All methods of the configuration, trained on its training data and run on its test data.
+    """Train all methods of the configuration and evaluate them on its test data.
 
     Raises
     ------
     ConfigError
-        There is nothing to test on.
+        There are no test data.
     """
     if not experiment.config.test:
         raise ConfigError(
             "a comparison needs at least one [[test]] map, drive or graph; there is none"
         )
     task = task_of(experiment.config)
-    # What is tested is read before anything is learned, so that errors in it show at once.
+    # Test data are read before training, so that errors in them are reported early.
     sources = load_sources(experiment, "train")
     tests = load_sources(experiment, "test", like=sources)
     warn_of_overlap(experiment, sources.all, tests.all)
@@ -71,18 +71,20 @@ def compare(experiment: Experiment) -> Comparison:
 
 
 def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
-    """All fitted methods on maps, drives or graphs with their labels."""
+    """Evaluate fitted methods on maps, drives or graphs with true labels."""
     experiment, methods, names = trained.experiment, trained.methods, trained.label_names
     labelled = label_tests(trained, tests)
-    shared = learned_with({name: (item.backend, item.unary) for name, item in methods.items()})
+    shared = learned_with(
+        {name: (method.backend, method.unary) for name, method in methods.items()}
+    )
     results = []
     for name, method in methods.items():
         learn = _learning_seconds(name, trained.labelers[name])
         seconds = {"learn": learn, "infer": labelled.seconds[name]}
         tested = labelled.items, labelled.labelings[name]
         result = method_result(name, method, names, *tested, seconds)
-        beside = getattr(trained.labelers[name], "method_choices", {})
-        result = replace(result, choices={**result.choices, **beside})
+        method_choices = getattr(trained.labelers[name], "method_choices", {})
+        result = replace(result, choices={**result.choices, **method_choices})
         results.append(replace(result, doors=labelled.doors[name], learned_with=shared.get(name)))
     config = experiment.config
     choices = selected_words(experiment.selection)
@@ -105,7 +107,7 @@ def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
 
 
 def _learning_seconds(name: str, labeler: Any) -> float:
-    """A labeler of maps has the seconds of each of its methods."""
+    """The training time of a method; a PlaceLabeler has the times of all its methods."""
     seconds = labeler.learn_seconds_
     return float(seconds.get(name, 0.0) if isinstance(seconds, Mapping) else seconds)
 
@@ -120,11 +122,11 @@ def method_result(
 ) -> MethodResult:
     """The result of a fitted method from its labelling of each test item, without doors."""
     evaluations = [
-        evaluate(item.node_truth, found.labels, label_names, beliefs=found.beliefs)
-        for item, found in zip(items, labelings, strict=True)
+        evaluate(item.node_truth, labeling.labels, label_names, beliefs=labeling.beliefs)
+        for item, labeling in zip(items, labelings, strict=True)
     ]
-    # Recording the accuracy of every iteration is not part of the method.
-    recording = sum(float(item.info.get("recording_seconds", 0.0)) for item in labelings)
+    # The time to record the accuracy of every iteration does not count.
+    recording = sum(float(each.info.get("recording_seconds", 0.0)) for each in labelings)
     return MethodResult(
         id=name,
         name=type(method.backend).__name__,
@@ -142,11 +144,11 @@ def method_result(
 
 
 def versions() -> Mapping[str, str]:
-    """The versions of everything that a result depends on."""
-    found = {"pgm-places": __version__, "python": platform.python_version()}
+    """The versions of this package, Python and the main dependencies."""
+    installed = {"pgm-places": __version__, "python": platform.python_version()}
     for package in REPORTED_PACKAGES:
         try:
-            found[package] = importlib.metadata.version(package)
+            installed[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            installed[package] = "not installed"
+    return installed

@@ -1,4 +1,4 @@
-"""The labelers that a configuration describes, and the fully resolved configuration."""
+"""Building the labelers of a configuration, and its fully resolved form."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,7 +17,7 @@ from pgm_places.trained import trained_floor
 
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
-    """The unfitted labeler that a configuration describes."""
+    """The unfitted labeler of maps of a configuration."""
     names, settings = tuple(config.labels.names), config.classifier
     methods = {
         method.id: PlaceMethod(method.backend, _of_maps(method)) for method in config.methods
@@ -44,33 +44,33 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
 
 
 def _of_maps(method: MethodConfig) -> Unary:
-    assert method.unary != "none"  # the configuration has been checked
+    assert method.unary != "none"  # checked by ExperimentConfig
     return method.unary
 
 
 def one_method(config: ExperimentConfig, what: str) -> None:
-    """Refuse to train a model of drives or graphs with several methods.
+    """Check that there is one method, as a stored model of drives or graphs requires.
 
     Raises
     ------
     ConfigError
-        The configuration has several.
+        The configuration has several methods.
     """
     if len(config.methods) > 1:
-        ids = ", ".join(item.id for item in config.methods)
+        ids = ", ".join(method.id for method in config.methods)
         raise ConfigError(
-            f"a model of {what} has one method, and the configuration has {ids}; keep the one to "
-            "train in a file of its own ('compare' takes them all)"
+            f"a model of {what} has one method, but the configuration has {ids}; put the one to "
+            "train into a separate file ('compare' accepts several)"
         )
 
 
 def step_methods(config: ExperimentConfig) -> dict[str, object]:
-    """The unfitted methods for steps, or for steps and cells together, by their ids.
+    """The unfitted methods for steps, or for steps and cells, by their ids.
 
     Raises
     ------
     ConfigError
-        A method for chains would have to label a graph with cycles, or ``unary`` is given.
+        A method for chains is used for graphs with cycles, or ``unary`` is set.
     """
     methods = {}
     for method in config.methods:
@@ -83,7 +83,7 @@ def step_methods(config: ExperimentConfig) -> dict[str, object]:
 
 
 def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
-    """The unfitted labeler of drives that a configuration describes."""
+    """The unfitted labeler of drives of a configuration."""
     names, steps, settings = tuple(config.labels.names), config.steps, config.classifier
     labeler = TrajectoryLabeler(
         names,
@@ -91,7 +91,7 @@ def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
         loop_m=steps.loop_m,
         beams=steps.beams,
         sensor=replace(config.sensor, max_range_m=steps.max_range_m),
-        # The prior is left to the method, which knows how frequent places are on a path.
+        # The prior is part of the method, which models the frequency of labels on a path.
         classifier=settings.classifier(names, auto_prior=0.0),
         n_folds=settings.n_folds,
         n_runs=steps.n_runs,
@@ -103,14 +103,12 @@ def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
 
 
 def joint_labeler(config: ExperimentConfig) -> JointLabeler:
-    """The unfitted labeler of maps with drives through them that a configuration describes."""
-    unaries = list(dict.fromkeys(item.unary for item in config.methods))
+    """The unfitted labeler of maps with drives of a configuration."""
+    unaries = list(dict.fromkeys(method.unary for method in config.methods))
     if len(unaries) > 1:
-        raise ConfigError(
-            f"methods must have one unary where cells and steps are joined, got {unaries}"
-        )
-    alone = MethodConfig("independent", "independent", {}, unaries[0])
-    places = make_labeler(replace(config, methods=(alone,)))
+        raise ConfigError(f"with nodes = 'both', methods must have one unary, got {unaries}")
+    independent = MethodConfig("independent", "independent", {}, unaries[0])
+    places = make_labeler(replace(config, methods=(independent,)))
     return JointLabeler(tuple(config.labels.names), places=places, steps=step_labeler(config))
 
 
@@ -138,9 +136,9 @@ AnyMethod = PlaceMethod | GraphMethod
 
 
 def resolved_config(config: ExperimentConfig, methods: Mapping[str, AnyMethod]) -> dict[str, Any]:
-    """The configuration with every default of its built methods written out, as plain data.
+    """The configuration with all defaults of its methods, as plain data.
 
-    Maps and drives, of which there may be a hundred, have only the keys that were given.
+    Maps and drives, of which there may be many, have only the keys that are set.
     """
     content: dict[str, Any] = plain_values(config)
     for part in ("train", "test"):

@@ -28,13 +28,13 @@ BY_LABEL: Mapping[str, Callable[[NDArray[np.generic]], NDArray[np.float64]]] = {
     "iou": confusion.iou,
 }
 LEVEL = 0.05
-# Fewer cannot reach the level, even if one method is better in all of them.
+# With fewer buildings, the sign test cannot reach the level.
 FEWEST_BUILDINGS = 6
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How much more of a figure the first method has than the second.
+    """The difference of two methods in a figure, the first minus the second.
 
     Parameters
     ----------
@@ -43,12 +43,11 @@ class Difference:
     figure : str
         ``accuracy`` or ``balanced_accuracy``.
     interval : Interval
-        The difference with its 95 % interval, of both methods on the same resampled blocks.
+        The difference with its 95 % interval, from common resampled blocks.
     buildings : SignTest
-        In how many buildings the first has more.
+        Numbers of buildings in which the first or the second method is better.
     by_seed : tuple of float
-        The difference with each seed, where the methods were taught with several; both methods of a
-        pair have the same one.
+        The difference for each common seed, for training with several seeds.
     values : (float, float), optional
         The figure of both methods.
     """
@@ -63,9 +62,9 @@ class Difference:
 
     @property
     def shown(self) -> float:
-        """The difference that goes with both figures in percent with one decimal.
+        """The difference to show with both figures in percent with one decimal.
 
-        It is that of the rounded figures, or the difference itself where these are alike.
+        It is the difference of the rounded figures, or the unrounded difference if these are equal.
         """
         if self.values is None:
             return self.interval.estimate
@@ -74,20 +73,20 @@ class Difference:
 
     @property
     def spread(self) -> float | None:
-        """The standard deviation of the difference over the seeds; None of a single one."""
+        """The standard deviation of the difference over the seeds; None for a single one."""
         return float(np.std(self.by_seed, ddof=1)) if len(self.by_seed) > 1 else None
 
     @property
     def seeds(self) -> SignTest:
-        """With how many seeds the first has more; no test, for seeds are no new buildings."""
+        """Numbers of seeds for which either method is better; not a test on new buildings."""
         return SignTest.of(self.by_seed, [0.0] * len(self.by_seed))
 
     @property
     def winner(self) -> str | None:
-        """The method that is better beyond chance; None where neither is.
+        """The significantly better method, or None.
 
-        The interval must leave out 0 and, with ``FEWEST_BUILDINGS`` buildings or more in which the
-        two differ, the sign test must agree.
+        The interval must exclude 0, and the sign test must agree if the two methods differ in at
+        least ``FEWEST_BUILDINGS`` buildings.
         """
         low, high = self.interval.low, self.interval.high
         if not (low > 0 or high < 0):
@@ -99,7 +98,7 @@ class Difference:
         return self.first if low > 0 else self.second
 
     def reversed(self) -> "Difference":
-        """The same from the second method's side."""
+        """The difference with both methods exchanged."""
         old, signs = self.interval, self.buildings
         return Difference(
             self.second,
@@ -114,35 +113,35 @@ class Difference:
 
 @dataclass(frozen=True)
 class Significance:
-    """What the comparison shows, and what it leaves open.
+    """Significance of the differences in a comparison.
 
     Parameters
     ----------
     differences : tuple of Difference
-        Of every pair of methods in accuracy and balanced accuracy.
+        For every pair of methods in accuracy and balanced accuracy.
     leaders : mapping of str to frozenset of str
-        By figure (of labels such as ``recall of room``), the methods that are not shown to be worse
-        than the one with the highest value. A single one is the best.
+        By figure (for labels such as ``recall of room``), the methods that are not significantly
+        worse than the one with the highest value. A single one is significantly best.
     """
 
     differences: tuple[Difference, ...]
     leaders: Mapping[str, frozenset[str]]
 
     def best(self, figure: str) -> str | None:
-        """The method that is better than all others beyond chance; None where there is none."""
+        """The method that is significantly better than all others, or None."""
         leaders = self.leaders.get(figure, frozenset())
         return next(iter(leaders)) if len(leaders) == 1 else None
 
     def between(self, first: str, second: str, figure: str = "accuracy") -> Difference:
-        """The difference of two methods, from the side of the first."""
-        for item in self.differences:
-            if item.figure == figure and {item.first, item.second} == {first, second}:
-                return item if item.first == first else item.reversed()
+        """The difference of two methods, ``first`` minus ``second``."""
+        for pair in self.differences:
+            if pair.figure == figure and {pair.first, pair.second} == {first, second}:
+                return pair if pair.first == first else pair.reversed()
         raise KeyError((first, second, figure))
 
 
 def points(difference: float) -> str:
-    """A difference of shares in points with its sign, so that its side of 0 is seen.
+    """A difference of shares in percentage points, with its sign.
 
     Examples
     --------
@@ -160,17 +159,16 @@ def judge(
     labelings: Mapping[str, Sequence[Sequence[Labeling]]],
     label_names: Sequence[str],
 ) -> Significance:
-    """All methods against each other on what was tested, taught with one seed or the same several.
+    """Compare all pairs of methods on the test items, for one seed or several common seeds.
 
-    Figures are of all seeds together, and differences paired by seed: the intervals draw seeds and
-    blocks, the same for both methods. A building counts for the method that has more there with all
-    seeds together.
+    Figures are over all seeds, and differences are paired by seed: intervals resample seeds and
+    blocks in common for both methods. The sign test over buildings uses figures over all seeds.
 
     Parameters
     ----------
     items : sequence of TestItem
     labelings : mapping of str to sequence of sequence of Labeling
-        Of each seed and item, by the id of the method.
+        Labellings of each seed and item, by the id of the method.
     label_names : sequence of K str
     """
     if len(labelings) < 2:
@@ -183,13 +181,14 @@ def judge(
     figures, by_seed = {}, {}
     for name, repetitions in labelings.items():
         counts = [
-            resamples.confusions(np.concatenate([item.labels for item in found]))
-            for found in repetitions
+            resamples.confusions(np.concatenate([labeling.labels for labeling in of_seed]))
+            for of_seed in repetitions
         ]
         figures[name] = _figures(pooled(counts), label_names)
-        by_seed[name] = {f: [float(FIGURES[f](part[0])) for part in counts] for f in TESTED}
+        by_seed[name] = {f: [float(FIGURES[f](each[0])) for each in counts] for f in TESTED}
     by_building = {
-        name: _by_building(items, found, len(label_names)) for name, found in labelings.items()
+        name: _by_building(items, of_method, len(label_names))
+        for name, of_method in labelings.items()
     }
     differences = tuple(
         Difference(
@@ -205,7 +204,7 @@ def judge(
         for first, second in combinations(labelings, 2)
     )
     leaders = {
-        figure: _leaders({name: found[figure] for name, found in figures.items()})
+        figure: _leaders({name: values[figure] for name, values in figures.items()})
         for figure in next(iter(figures.values()))
     }
     judged = Significance(differences, leaders)
@@ -213,14 +212,14 @@ def judge(
 
 
 def _differences(first: Sequence[float], second: Sequence[float]) -> tuple[float, ...]:
-    """The difference with each seed; () where there is one."""
+    """The difference for each seed; () for a single seed."""
     return tuple(a - b for a, b in zip(first, second, strict=True)) if len(first) > 1 else ()
 
 
 def _figures(
     counts: NDArray[np.int64], label_names: Sequence[str]
 ) -> dict[str, NDArray[np.float64]]:
-    """(1 + R,) of each figure, of the whole and of each resample."""
+    """(1 + R,) values of each figure, for all nodes and for each resample."""
     figures = {name: figure(counts) for name, figure in FIGURES.items()}
     for kind, figure in BY_LABEL.items():
         values = figure(counts)
@@ -231,9 +230,9 @@ def _figures(
 def _by_building(
     items: Sequence[TestItem], repetitions: Sequence[Sequence[Labeling]], n_labels: int
 ) -> dict[str, list[float]]:
-    """The tested figures of a method in each building, with all seeds together."""
+    """The tested figures of a method in each building, over all seeds."""
     buildings = [item.building or f"item {index}" for index, item in enumerate(items)]
-    found: dict[str, list[float]] = {name: [] for name in TESTED}
+    figures: dict[str, list[float]] = {name: [] for name in TESTED}
     for building in dict.fromkeys(buildings):
         chosen = [k for k, name in enumerate(buildings) if name == building]
         truth = np.concatenate([items[k].node_truth for k in chosen])
@@ -242,26 +241,24 @@ def _by_building(
             labels = np.concatenate([labelings[k].labels for k in chosen])
             counts += confusion.confusion_matrix(truth[known], labels[known], n_labels)
         for name in TESTED:
-            found[name].append(float(FIGURES[name](counts)))
-    return found
+            figures[name].append(float(FIGURES[name](counts)))
+    return figures
 
 
 def _leaders(values: Mapping[str, NDArray[np.float64]]) -> frozenset[str]:
-    """The methods that are not shown to have less of a figure than the one with most of it."""
-    defined = {name: found for name, found in values.items() if not np.isnan(found[0])}
+    """The methods that are not significantly below the one with the highest value."""
+    defined = {name: each for name, each in values.items() if not np.isnan(each[0])}
     if not defined:
         return frozenset()
-    top = max(defined.values(), key=lambda found: float(found[0]))
-    return frozenset(
-        name for name, found in defined.items() if not Interval.of(top - found).low > 0
-    )
+    top = max(defined.values(), key=lambda each: float(each[0]))
+    return frozenset(name for name, each in defined.items() if not Interval.of(top - each).low > 0)
 
 
 def _tested(judged: Significance, figure: str) -> frozenset[str]:
-    """The same where the buildings have their say, too."""
-    pairs = [item for item in judged.differences if item.figure == figure]
+    """The leaders in a figure with the sign test over buildings."""
+    pairs = [pair for pair in judged.differences if pair.figure == figure]
     losers = {
-        item.first if item.winner == item.second else item.second for item in pairs if item.winner
+        pair.first if pair.winner == pair.second else pair.second for pair in pairs if pair.winner
     }
-    everyone = {name for item in pairs for name in (item.first, item.second)}
-    return frozenset(everyone - losers) or frozenset(everyone)
+    methods = {name for pair in pairs for name in (pair.first, pair.second)}
+    return frozenset(methods - losers) or frozenset(methods)

@@ -1,4 +1,4 @@
-"""What an experiment trains or is tested on: maps, drives, graphs, and splits of them."""
+"""Configuration of training and test data: maps, drives, graphs and splits."""
 
 import dataclasses
 from collections.abc import Set
@@ -18,7 +18,7 @@ from pgm_places.unary.scan_model import BeamOptions
 
 @dataclass(frozen=True, kw_only=True)
 class StepOptions(Options):
-    """How the steps of drives are observed and joined.
+    """Options of the observations and edges of drives.
 
     Parameters
     ----------
@@ -26,10 +26,10 @@ class StepOptions(Options):
         Distance between two updates in metres; ``"auto"`` is chosen for hidden Markov models on
         held-out parts of the training drives, and 0.1 for other methods.
     loop_m : float
-        Link visits to the same spot within this many metres; 0 for a chain. Methods for chains see
-        only the chain.
+        Link passes of the same spot within this distance (m); 0 for a chain. Methods for chains
+        ignore the links.
     max_range_m : float
-        Reach of the completed scans.
+        Range of the completed scans.
     n_runs, seed : int
         Simulated runs in maps, from which the hidden Markov model learns its transitions.
     beams : BeamOptions
@@ -55,29 +55,29 @@ class GraphConfig:
     Parameters
     ----------
     file : str, optional
-        A GraphML file, whose attributes of nodes and of edges are the columns of two tables.
+        A GraphML file; attributes of nodes and of edges are the columns of two tables.
     nodes, edges : str, optional
-        The two tables instead, CSV or Parquet: a row per node, and a row per edge. Without edges
-        each node is by itself.
+        The two tables as CSV or Parquet: a row per node, and a row per edge. Without edges, nodes
+        are isolated.
     node : str
-        The column that names the nodes.
+        Column with the names of nodes.
     ends : (str, str)
-        The columns that name the two nodes of an edge.
+        Columns with the names of an edge's nodes.
     label : str
-        The column of true labels; it is empty where they are not known.
+        Column of true labels, empty where unknown.
     classes : mapping, optional
-        From the texts of that column to label names; what it leaves out has no label.
+        From the values of that column to label names; other values have no label.
     known : str, optional
-        The column of observed labels: evidence for the methods, not scored.
+        Column of observed labels, which are input of the methods and not evaluated.
     features : list of str, optional
-        The node features; by default all columns of numbers that have no other meaning.
+        Columns of node features; by default all other numeric columns.
     edge_features : list of str, optional
-        The same for edges.
+        Columns of edge features; by default all other numeric columns.
     probabilities : list of str, optional
-        For each label, in their order, the column of its probability by the user's own classifier,
-        which takes the place of the configuration's.
+        Columns of the label probabilities by the user's classifier, in the order of the labels;
+        they replace the configuration's classifier.
     positions : (str, str), optional
-        The columns of x and y: for pictures, and to hold out nodes that lie together.
+        Columns of x and y, for pictures and for folds of adjacent nodes.
     """
 
     file: str | None = None
@@ -98,27 +98,27 @@ class GraphConfig:
         if (self.file is None) == (self.nodes is None):
             raise ConfigError("give either file (GraphML) or nodes (a table)")
         if self.file is not None and self.edges is not None:
-            raise ConfigError("edges is a table beside nodes; a GraphML file has its own edges")
+            raise ConfigError("edges requires nodes (a table); a GraphML file has its own edges")
 
     @property
     def other_columns(self) -> tuple[str, ...]:
-        """The columns of nodes that are no features."""
+        """The columns of nodes that are not features."""
         named = [self.node, self.label, *(self.probabilities or ()), *(self.positions or ())]
         return (*named, self.known) if self.known is not None else tuple(named)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SplitConfig:
-    """Buildings of ``[[train]]`` to test on, and those to learn from.
+    """Test and training buildings among those of ``[[train]]``.
 
     Parameters
     ----------
     test : list of str
-        Buildings that are tested on.
+        Buildings to test on.
     train : list of str, optional
-        Buildings that are learned from; by default all others.
+        Buildings to train on; by default all others.
     name : str, optional
-        Its name in tables; by default the buildings that are tested on.
+        Its name in tables; by default the test buildings.
     """
 
     test: Annotated[tuple[str, ...], MinLen(1)]
@@ -130,8 +130,8 @@ class SplitConfig:
         both = [name for name in self.test if name in (self.train or ())]
         if both:
             raise ConfigError(
-                f"splits: {both[0]!r} is in both train and test of a split; learn from other "
-                "buildings than those that are tested on"
+                f"splits: {both[0]!r} is in both train and test of a split; train and test on "
+                "different buildings"
             )
 
 
@@ -139,7 +139,7 @@ class SplitConfig:
 class DriveConfig(MapConfig, RobotMotion):
     """A simulated robot's tour of a labelled map.
 
-    The map is described as any other: ``map`` and ``labels``, ``generated``, ... The robot visits
+    The options of the map are those of :class:`MapConfig`. The robot visits
     every place that it fits into (:class:`pgm_places.simulation.simulated_robot.SimulatedRobot`).
 
     Parameters
@@ -147,11 +147,11 @@ class DriveConfig(MapConfig, RobotMotion):
     seed : int
         Seed of the robot's starting point.
     length_m : float, optional
-        The tour ends after this distance.
+        Length of the drive; by default, far enough to pass every place.
     spacing_m : float
-        Largest distance of any place from the nearest stop of the tour.
+        Largest distance of any place from the nearest stop of the drive.
     laser : LaserOptions
-        Its laser.
+        The robot's laser.
     """
 
     seed: Seed = 0
@@ -164,44 +164,44 @@ class DriveConfig(MapConfig, RobotMotion):
 class SourceConfig(MapConfig):
     """A map, a drive (recorded in a log, or simulated), or a user-defined graph.
 
-    For a log, ``map`` with ``labels`` or ``regions`` is a map in the frame of the log, which tells
-    the true place of each step unless ``truth`` or the log itself does. Options that do not
-    apply to what is given are refused.
+    For a log, ``map`` with ``labels`` or ``regions`` is a map in the frame of the log. It has the
+    true label of each step, unless ``truth`` or the log has it. Options that do not apply are
+    errors.
 
     Parameters
     ----------
     log : str, optional
         A CARMEN log, a bag, or a table of poses.
     drive : DriveConfig, optional
-        A drive that is simulated.
+        A simulated drive.
     graph : str or GraphConfig, optional
-        A GraphML file, or what the files of a graph are and what their columns mean.
+        A GraphML file, or the files and columns of a graph.
     truth : str, optional
-        A table of true places with one row per step of the log.
+        A table of true labels with one row per step of the log.
     label_column : str, optional
-        The column of places in ``truth`` or in the log's own table. ``classes`` translates them.
+        Column of labels in ``truth`` or in the log's table; ``classes`` translates them.
     frame : Similarity, optional
         From the log's frame to the map's.
     counts : str, optional
-        Counts of objects that a camera saw along the log, CSV or JSON: further columns of its
-        steps. With counts for one drive there are counts for all, and no maps to train on.
+        Object counts of a camera along the log, CSV or JSON: additional feature columns of its
+        steps. All drives must have counts, and there must be no training maps.
     counts_within_s : float
         Longest time between a step and its counts.
     range_max_m : float, optional
         Readings of this range or more count as no return.
     laser : LaserOptions, optional
-        Simulate the scans of this laser in the map along the log's path, instead of the log's own.
+        Replace the log's scans by simulated scans of this laser in the map.
     resample_m : float, optional
-        Take positions this far apart, on straight lines between those recorded; for logs without
-        scans.
+        Interpolate positions at this spacing on straight lines between recorded ones; for logs
+        without scans.
     from_step, to_step : int, optional
         The half-open range of the log's steps to use.
     map_labels : str, optional
-        Folder that ``pgm-places label`` wrote for the map of this drive: methods see these labels
-        as an observation, not as the truth. For test drives only.
+        Folder written by ``pgm-places label`` for the map of this drive; its labels are an
+        additional observation, not the truth. For test drives only.
     region : (float, float, float, float), optional
-        Use only the true places of steps in this rectangle: minimum x and y, then maximum, in
-        metres. The robot is still tracked outside it.
+        Evaluate only steps in this rectangle: minimum x and y, then maximum, in metres. The robot
+        is also tracked outside.
     """
 
     log: str | None = None
@@ -228,7 +228,7 @@ class SourceConfig(MapConfig):
     @property
     def graph_options(self) -> GraphConfig:
         """The graph, for a source that is one."""
-        assert self.graph is not None  # asked for graphs alone
+        assert self.graph is not None
         return GraphConfig(file=self.graph) if isinstance(self.graph, str) else self.graph
 
     def __post_init__(self) -> None:
@@ -240,7 +240,7 @@ class SourceConfig(MapConfig):
             )
             return
         if self.log is not None and self.drive is not None:
-            raise ConfigError("give log (a file) or drive (a simulated one), not both")
+            raise ConfigError("log (a file) and drive (a simulated one) cannot be combined")
         if self.region is not None:
             low_x, low_y, high_x, high_y = self.region
             if not (low_x < high_x and low_y < high_y):
@@ -264,11 +264,11 @@ class SourceConfig(MapConfig):
                 "labels and regions are on the raster or in the frame of a map; add map"
             )
         if self.labels is not None and self.regions is not None:
-            raise ConfigError("give labels (an image) or regions (a GeoJSON file), not both")
+            raise ConfigError("labels (an image) and regions (GeoJSON) cannot be combined")
         if self.counts is None and self.counts_within_s != WITHIN_S:
-            raise ConfigError("counts_within_s is for counts; add counts (CSV or JSON)")
+            raise ConfigError("counts_within_s requires counts (CSV or JSON)")
         if self.laser is not None and self.map is None:
-            raise ConfigError("laser simulates scans in a map; add map")
+            raise ConfigError("laser simulates scans in a map and requires map")
 
     def _refuse(self, names: Set[str], beside: str, what: str) -> None:
         if given := given_options(self, names):
@@ -276,14 +276,14 @@ class SourceConfig(MapConfig):
 
 
 def given_options(options: Any, names: Set[str]) -> list[str]:
-    """Those of these options that are not what they are by default, in the order of the fields."""
-    given = []
-    for item in dataclasses.fields(options):
-        made = item.default_factory
-        default = item.default if made is dataclasses.MISSING else made()
-        if item.name in names and getattr(options, item.name) != default:
-            given.append(item.name)
-    return given
+    """The names of options with another value than the default, in the order of the fields."""
+    changed = []
+    for option in dataclasses.fields(options):
+        factory = option.default_factory
+        default = option.default if factory is dataclasses.MISSING else factory()
+        if option.name in names and getattr(options, option.name) != default:
+            changed.append(option.name)
+    return changed
 
 
 _OWN = frozenset(item.name for item in dataclasses.fields(SourceConfig))

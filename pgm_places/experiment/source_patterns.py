@@ -1,4 +1,4 @@
-"""Tables that name many maps at once: patterns, and the buildings that the maps belong to."""
+"""Patterns of maps in a configuration, and tables of their buildings."""
 
 import glob
 import os
@@ -13,9 +13,9 @@ from pgm_places.io.input_file import user_path
 
 
 def resolved_path(name: str, folder: Path) -> Path:
-    """The path that a configuration in ``folder`` names.
+    """The absolute path of a name in a configuration in ``folder``.
 
-    A leading ``$NAME`` is replaced by that environment variable, taken as a folder.
+    A leading ``$NAME`` is replaced by the folder in this environment variable.
 
     Raises
     ------
@@ -37,39 +37,39 @@ def resolved_path(name: str, folder: Path) -> Path:
 
 
 _WILDCARD = re.compile(r"\*\*/?|\*|\?|\[(?:![^\]]+|[^!\]][^\]]*)\]")
-"""A bracket that is not closed, or holds nothing, is a character like any other."""
+"""An unclosed or empty bracket is an ordinary character."""
 
 _BESIDE = ("labels", "regions", "corrections")
 _MAX_BYTES = 16 << 20
 
 
 def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> dict[str, Any]:
-    """A configuration's content with a table per map where a table's ``map`` is a pattern.
+    """A configuration with a table per map in place of tables whose ``map`` is a pattern.
 
-    ``map = "floors/*/map.yaml"`` stands for all matching files, in the order of their names.
-    ``labels``, ``regions`` or ``corrections`` is a pattern with as many wildcards; for each map, it
-    names the file in which the wildcards match the same text. ``buildings`` is a table (CSV) with
-    columns ``map``, a name or a path relative to the table, and ``building``.
+    ``map = "floors/*/map.yaml"`` stands for all matching files, sorted by name. ``labels``,
+    ``regions`` or ``corrections`` is a pattern with the same number of wildcards, which are
+    replaced by the text that matches in the map's path. ``buildings`` is a table (CSV) with columns
+    ``map``, a name or a path relative to the table, and ``building``.
 
     Parameters
     ----------
     content : mapping
-        As ``tomllib`` reads it.
+        Result of ``tomllib``.
     folder : Path
-        The configuration's.
+        Folder of the configuration.
     where : str
-        The configuration, for messages.
+        Name of the configuration in messages.
 
     Raises
     ------
     ConfigError
-        A pattern matches nothing or does not fit the one of the maps, or a map has no building.
+        A pattern matches nothing or has another number of wildcards, or a map has no building.
     """
     made = dict(content)
     for part in ("train", "test"):
         tables = made.get(part)
         if not isinstance(tables, list):
-            continue  # refused where options are checked
+            continue  # reported by the check of options
         made[part] = []
         for number, table in enumerate(tables):
             names_map = isinstance(table, dict) and isinstance(table.get("map"), str)
@@ -79,7 +79,7 @@ def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> di
 
 
 def _tables(table: dict[str, Any], folder: Path, where: str) -> list[dict[str, Any]]:
-    """The tables of the maps that one table names."""
+    """The tables of all maps of a table."""
     pattern = table["map"]
     many = _has_wildcards(pattern) and not resolved_path(pattern, folder).exists()
     if not many and "buildings" not in table:
@@ -88,11 +88,11 @@ def _tables(table: dict[str, Any], folder: Path, where: str) -> list[dict[str, A
     made = list(_matches(rest, folder, where)) if many else [rest]
     if "buildings" in table:
         if "building" in table:
-            raise ConfigError(f"{where}: give building, or buildings (a table), not both")
+            raise ConfigError(f"{where}: building and buildings (a table) cannot be combined")
         buildings = _buildings(resolved_path(str(table["buildings"]), folder))
-        for item in made:
-            path = resolved_path(item["map"], folder)
-            item["building"] = _building_of(path, buildings, where)
+        for each in made:
+            path = resolved_path(each["map"], folder)
+            each["building"] = _building_of(path, buildings, where)
     return made
 
 
@@ -107,8 +107,8 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
     for key, other in beside.items():
         if len(_WILDCARD.findall(other)) != n_wildcards:
             raise ConfigError(
-                f"{where}: map has {n_wildcards} wildcards ({pattern!r}), so {key} must have as "
-                f"many, which stand for the same, got {other!r}"
+                f"{where}: map has {n_wildcards} wildcards ({pattern!r}), so {key} must have the "
+                f"same number, got {other!r}"
             )
     if "name" in table:
         raise ConfigError(f"{where}: name is for one map, and map = {pattern!r} names several")
@@ -132,14 +132,14 @@ def _has_wildcards(pattern: str) -> bool:
 def _before_wildcards(pattern: str) -> str:
     """The folders before the first wildcard, with the slash."""
     match = _WILDCARD.search(pattern)
-    assert match is not None  # it was found to be a pattern
+    assert match is not None  # only called for patterns
     return pattern[: pattern.rfind("/", 0, match.start()) + 1]
 
 
 def _match(pattern: str, name: str) -> re.Match[str] | None:
     try:
         return re.fullmatch(_regex(pattern), name)
-    except re.error:  # a range that ends before it begins
+    except re.error:  # a reversed range
         return None
 
 
@@ -155,16 +155,16 @@ def _regex(pattern: str) -> str:
 
 
 def _one_of(listed: str) -> str:
-    """A group for the characters between brackets; ``!`` before them stands for all others."""
+    """A group for the characters in brackets; a leading ``!`` negates them."""
     others = listed.startswith("!")
     escaped = re.sub(r"([\\\[^&~|])", r"\\\1", listed[1:] if others else listed)
     return f"([{'^' if others else ''}{escaped}])"
 
 
-def _filled(pattern: str, parts: tuple[str, ...]) -> str:
-    """The pattern with each wildcard replaced by what the map's stands for."""
-    values = iter(parts)
-    return _WILDCARD.sub(lambda _: next(values), pattern)
+def _filled(pattern: str, texts: tuple[str, ...]) -> str:
+    """The pattern with its wildcards replaced by texts."""
+    remaining = iter(texts)
+    return _WILDCARD.sub(lambda _: next(remaining), pattern)
 
 
 def _buildings(path: Path) -> dict[str, str]:
@@ -177,21 +177,21 @@ def _buildings(path: Path) -> dict[str, str]:
                 f"{path}: expected the columns map and building, got {quoted(table.names)}"
             )
         _, (maps, buildings) = table.read([], [column for column in columns if column is not None])
-    found: dict[str, str] = {}
+    building_of: dict[str, str] = {}
     for key, building in zip(maps, buildings, strict=True):
         looks_like_path = "/" in key or key.endswith((".yaml", ".yml"))
         key = str(resolved_path(key, path.parent)) if looks_like_path else key
-        if found.setdefault(key, building) != building:
-            raise ConfigError(f"{path}: {key} is in two buildings, {found[key]} and {building}")
-    return found
+        if (other := building_of.setdefault(key, building)) != building:
+            raise ConfigError(f"{path}: {key} is in two buildings, {other} and {building}")
+    return building_of
 
 
 def _building_of(path: Path, buildings: Mapping[str, str], where: str) -> str:
     name = path.parent.name if path.stem == "map" else path.stem
-    found = buildings.get(str(path)) or buildings.get(name)
-    if not found:
+    building = buildings.get(str(path)) or buildings.get(name)
+    if not building:
         raise ConfigError(
             f"{where}: no building of {path} in the table, neither for its path nor for {name!r}. "
             f"{nearest_name(name, list(buildings))}"
         )
-    return found
+    return building

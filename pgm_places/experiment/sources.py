@@ -1,4 +1,4 @@
-"""Everything that an experiment trains or tests on, read as configured."""
+"""Loading the training and test data of an experiment."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -34,12 +34,12 @@ class Sources(NamedTuple):
 
 
 def load_sources(experiment: Experiment, part: str, like: Sources | None = None) -> Sources:
-    """The sources of ``"train"`` or ``"test"``; graphs must have the features of those of ``like``.
+    """The sources of ``"train"`` or ``"test"``; graphs must have the features of ``like``.
 
     Raises
     ------
     LogError, MapError, LabelError, InputError
-        A file cannot be read, or has no label to learn or to test.
+        A file cannot be read, or has no true label.
     """
     if experiment.config.nodes == "graph":
         return Sources(graphs=load_graphs(experiment, part, () if like is None else like.graphs))

@@ -1,4 +1,4 @@
-"""Splits of the training data into what is learned from and what is tested on, by building."""
+"""Splits of the training data into training and test buildings."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ from pgm_places.experiment.tasks import TASKS, tests_of
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """A part of the training data to test on.
+    """A split of the training data.
 
     Parameters
     ----------
     name : str
         Its name in tables.
     config : ExperimentConfig
-        Trains on one part and tests on the other.
+        Configuration with the training and test data of the split.
     """
 
     name: str
@@ -30,21 +30,20 @@ class Split:
 
 
 def splits_of(experiment: Experiment, *, n_folds: int | None = None) -> list[Split]:
-    """The splits that the configuration lists, or whole buildings held out in turn.
+    """The splits listed by the configuration, or splits that hold out each building in turn.
 
     Parameters
     ----------
     experiment : Experiment
     n_folds : int, optional
-        Buildings are held out in that many groups; by default each one by itself. Not for a
+        Number of groups of buildings to hold out; by default each building is one. Not for a
         configuration that lists its splits.
 
     Raises
     ------
     ConfigError
-        A listed split names no building of the training data, or leaves nothing to learn from;
-        otherwise, all that can be tested on is of one building, or there are more folds than
-        buildings.
+        A listed split names an unknown building, or has no training data. Without listed splits:
+        all test data are from one building, or there are more folds than buildings.
     """
     known = _Buildings.of(experiment)
     listed = experiment.config.splits
@@ -61,9 +60,9 @@ class _Buildings:
     ----------
     config : ExperimentConfig
     sources : sequence of (SourceConfig, str or None, bool)
-        Each with its building, and whether it can be tested on.
+        Sources with building, and whether they can be test data.
     tested : sequence of str
-        The buildings that can be tested on.
+        The buildings of possible test data.
     """
 
     config: ExperimentConfig
@@ -72,32 +71,32 @@ class _Buildings:
 
     @classmethod
     def of(cls, experiment: Experiment) -> Self:
-        """Read as configured: a file may say of which building it is."""
+        """Load the training data, because files may name their building."""
         config, loaded = experiment.config, load_sources(experiment, "train")
         maps, others = iter(loaded.maps), iter(loaded.all[len(loaded.maps) :])
         sources = []
         for item in config.train:
             is_other = item.is_drive or item.graph is not None
             building = (next(others) if is_other else next(maps)).building
-            # Where steps are labelled, maps are learned from and drives are tested on, too.
+            # For steps of drives, maps are only training data; drives can be test data.
             sources.append((item, building, is_other == (config.nodes != "cells")))
         tested = dict.fromkeys(str(item.building) for item in tests_of(config, loaded))
         return cls(config, sources, list(tested))
 
     def folds(self, n_folds: int | None) -> list[Split]:
-        """Each building held out in turn, or groups of them."""
+        """Splits that hold out each building, or groups of buildings."""
         n_buildings, wanted = len(self.tested), n_folds or len(self.tested)
         if n_buildings < 2:
             kind = TASKS[self.config.nodes].tested
             table = ", or buildings = 'table.csv'" if kind == "maps" else ""
             raise ConfigError(
-                f"holding buildings out needs {kind} of two buildings in [[train]], and there is "
-                f"one; name the building of each {kind.removesuffix('s')}: building = '...'{table}"
+                f"holding out buildings needs {kind} of at least two buildings in [[train]]; name "
+                f"the building of each {kind.removesuffix('s')}: building = '...'{table}"
             )
         if wanted > n_buildings:
             raise ConfigError(
-                f"{wanted} folds by building need as many buildings in [[train]], and there are "
-                f"{n_buildings}; ask for at most {n_buildings}"
+                f"{wanted} folds need at least {wanted} buildings in [[train]], which has "
+                f"{n_buildings}; use at most {n_buildings} folds"
             )
         numbers = fold_of_buildings(self.tested, wanted)
         splits = []
@@ -108,7 +107,7 @@ class _Buildings:
         return splits
 
     def listed(self, number: int, item: SplitConfig) -> Split:
-        """A split that the configuration lists."""
+        """A split listed by the configuration."""
         every = [str(building) for _, building, _ in self.sources]
         for part, names in (("test", item.test), ("train", item.train or ())):
             allowed = list(dict.fromkeys(every)) if part == "train" else list(self.tested)
@@ -120,15 +119,20 @@ class _Buildings:
                     )
         if item.train is None and set(every) <= set(item.test):
             raise ConfigError(
-                f"splits[{number}].test holds all buildings out, which leaves none to learn from"
+                f"splits[{number}].test has all buildings, which leaves none to train on"
             )
         return self._split(item.name or " + ".join(item.test), item.test, item.train)
 
     def _split(self, name: str, test: Collection[str], train: Collection[str] | None) -> Split:
-        learned = [
-            item
-            for item, of, _ in self.sources
-            if (str(of) not in test if train is None else str(of) in train)
+        trained = [
+            source
+            for source, building, _ in self.sources
+            if (str(building) not in test if train is None else str(building) in train)
         ]
-        asked = [item for item, of, can_be in self.sources if can_be and str(of) in test]
-        return Split(name, replace(self.config, splits=(), train=tuple(learned), test=tuple(asked)))
+        tested = [
+            source
+            for source, building, is_testable in self.sources
+            if is_testable and str(building) in test
+        ]
+        config = replace(self.config, splits=(), train=tuple(trained), test=tuple(tested))
+        return Split(name, config)

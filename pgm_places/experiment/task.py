@@ -1,4 +1,4 @@
-"""What a kind of node needs for an experiment: labelers, learning, and labels for tests."""
+"""Interface of the experiment tasks for each kind of nodes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
@@ -17,23 +17,24 @@ from pgm_places.spaces.door_truth import DoorScores
 
 AnyLabeler = PlaceLabeler | TrajectoryLabeler | JointLabeler | StructuredLabeler
 Labelers = Mapping[str, AnyLabeler]
-"""The fitted labeler of each method by its id; one of maps serves all of its methods."""
+"""The fitted labeler of each method by its id; a PlaceLabeler is shared by all its methods."""
 
 
 class ScoredTest(NamedTuple):
-    """A source to test on with the scores of its nodes, computed once for all methods.
+    """A test source with the scores of its nodes, computed once for all methods.
 
     Parameters
     ----------
     items : sequence of TestItem
-        What is labelled: a map, a drive, a graph, or a map with the drive through it.
+        A map, a drive, a graph, or a map and the drive through it.
     label : callable
         From the id of a method to its labelling of each item.
     doors : callable
-        From a method's labellings and the label for doorways to its doors on each item; () where
+        From a method's labellings and the label of doorways to the door counts of each item; () if
         doors are not counted.
     gates : callable
-        From the label for doorways to the doors that gates match on each item; () without gates.
+        From the label of doorways to the counts of doors matched by gates on each item; () without
+        gates.
     """
 
     items: Sequence[TestItem]
@@ -46,26 +47,26 @@ Tested = Literal["maps", "drives", "graphs"]
 
 
 class Task(Protocol):
-    """A kind of node to label, as one configuration describes it.
+    """The task of a configuration: training and test labelling of one kind of nodes.
 
-    It is made from the configuration: that builds the labelers and refuses bad options, before
-    anything is read. It learns once.
+    The constructor builds the labelers and reports invalid options before anything is read. A task
+    is trained once.
     """
 
     tested: ClassVar[Tested]
-    """Which of the sources are tested on."""
+    """The kind of test sources."""
 
     def __init__(self, config: ExperimentConfig) -> None:
         """Build the labelers."""
 
     def check_savable(self) -> None:
-        """Refuse to train what cannot be saved as one model."""
+        """Check that the trained labelers can be saved as one model."""
 
     def learn(self, experiment: Experiment, sources: Sources) -> Labelers:
         """A fitted labeler for each method."""
 
     def scored(self, experiment: Experiment, labelers: Any, source: Any, /) -> ScoredTest:
-        """A source to test on, scored for every method."""
+        """A test source with its scores."""
 
     def method(self, name: str, labeler: Any, /) -> AnyMethod:
         """A fitted method by its id, with its unary."""

@@ -1,4 +1,4 @@
-"""The kinds of nodes by name; methods learned, and run on everything that is tested."""
+"""Training the methods of an experiment, and labelling its test data with them."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -24,12 +24,12 @@ TASKS: Mapping[str, type[Task]] = {
 
 
 def task_of(config: ExperimentConfig) -> Task:
-    """What the configuration labels, with its methods built; bad options are refused."""
+    """The task of a configuration, with its methods built and its options checked."""
     return TASKS[config.nodes](config)
 
 
 def tests_of(config: ExperimentConfig, sources: Sources) -> list[Source]:
-    """Those of the sources that can be tested on."""
+    """The sources that can be test data."""
     return list(getattr(sources, TASKS[config.nodes].tested))
 
 
@@ -42,7 +42,7 @@ class Trained:
     task : Task
     experiment : Experiment
     labelers : mapping of str to labeler
-        By the id of the method. A labeler of maps has all methods and stands at each of them.
+        By the id of the method; a PlaceLabeler is shared by all its methods.
     """
 
     task: Task
@@ -51,27 +51,27 @@ class Trained:
 
     @property
     def labeler(self) -> Any:
-        """The first method's: of maps the only one."""
+        """The labeler of the first method."""
         return next(iter(self.labelers.values()))
 
     @property
     def methods(self) -> dict[str, AnyMethod]:
         """The fitted methods, with the unary of each."""
-        return {name: self.task.method(name, item) for name, item in self.labelers.items()}
+        return {name: self.task.method(name, each) for name, each in self.labelers.items()}
 
     @property
     def label_names(self) -> tuple[str, ...]:
-        """The labels of results: those of the configuration, unless halls are taken for others."""
+        """The labels of results: the configuration's, unless halls get another label."""
         return tuple(self.labeler.label_names_)
 
 
 def learned(task: Task, experiment: Experiment, sources: Sources) -> Trained:
-    """The methods of a task, fitted on the sources."""
+    """Fit the methods of a task on the sources."""
     return Trained(task, experiment, task.learn(experiment, sources))
 
 
 class Labelled(NamedTuple):
-    """What was tested and, by the id of each method, how it labelled that.
+    """The labelled test items, by the id of each method.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ class Labelled(NamedTuple):
     labelings : mapping of str to tuple of Labeling
         One per item.
     doors : mapping of str to tuple of DoorScores
-        One per item, or () where there is no label for doorways.
+        One per item, or () without a label for doorways.
     seconds : mapping of str to float
-        To label all items.
+        Time to label all items.
     gates : tuple of DoorScores
-        One per item, or () where there are no gates or no label for doorways.
+        One per item, or () without gates or without a label for doorways.
     """
 
     items: tuple[TestItem, ...]
@@ -94,28 +94,28 @@ class Labelled(NamedTuple):
 
 
 def label_tests(trained: Trained, tests: Sequence[Source]) -> Labelled:
-    """Everything that is tested, labelled by every method."""
+    """Label all test sources with every method."""
     experiment, labelers, names = trained.experiment, trained.labelers, trained.label_names
     doorway = experiment.config.topology.doorway_label
-    scored = [trained.task.scored(experiment, labelers, item) for item in tests]
+    scored = [trained.task.scored(experiment, labelers, source) for source in tests]
     labelings, doors, seconds = {}, {}, {}
     for name in labelers:
-        start, parts = time.perf_counter(), []
+        start, by_source = time.perf_counter(), []
         stage_name = f"labelling with {name}"
         with experiment.timed("label"), experiment.progress.stage(stage_name) as stage:
-            for item in scored:
-                parts.append(item.label(name))
-                stage.update(len(parts) / len(scored))
+            for test in scored:
+                by_source.append(test.label(name))
+                stage.update(len(by_source) / len(scored))
         seconds[name] = time.perf_counter() - start
-        labelings[name] = tuple(found for part in parts for found in part)
+        labelings[name] = tuple(labeling for of_source in by_source for labeling in of_source)
         doors[name] = tuple(
             scores
-            for item, part in zip(scored, parts, strict=True)
+            for test, of_source in zip(scored, by_source, strict=True)
             if doorway in names
-            for scores in item.doors(part, names.index(doorway))
+            for scores in test.doors(of_source, names.index(doorway))
         )
-    items = tuple(item for part in scored for item in part.items)
+    items = tuple(item for test in scored for item in test.items)
     gates = tuple(
-        scores for item in scored if doorway in names for scores in item.gates(names.index(doorway))
+        scores for test in scored if doorway in names for scores in test.gates(names.index(doorway))
     )
     return Labelled(items, labelings, doors, seconds, gates)

@@ -26,7 +26,7 @@ _CORRIDOR, _ROOM, _HALL = (LABELS.index(name) for name in ("corridor", "room", "
 
 
 @dataclass(frozen=True)
-class View:
+class FloorView:
     """The orientation of a map for a network: rotated, mirrored, shifted by half a network cell.
 
     Parameters
@@ -44,13 +44,15 @@ class View:
     shifted: bool = False
 
 
-def views_of(n_networks: int, per_network: int) -> tuple[View, ...]:
+def views_of(n_networks: int, per_network: int) -> tuple[FloorView, ...]:
     """A number of views for each network, in different orientations, half of them shifted.
 
     Networks begin with different orientations, so that all orientations are used.
     """
     return tuple(
-        View(n, (n + k) % 4, mirrored=(k // 2 + n // 2) % 2 == 1, shifted=(k + n // 2) % 2 == 1)
+        FloorView(
+            n, (n + k) % 4, mirrored=(k // 2 + n // 2) % 2 == 1, shifted=(k + n // 2) % 2 == 1
+        )
         for n in range(n_networks)
         for k in range(per_network)
     )
@@ -90,7 +92,7 @@ class FloorScores:
 
 
 def floor_scores(
-    grid: OccupancyGrid, networks: Sequence[FloorNetwork], views: Sequence[View]
+    grid: OccupancyGrid, networks: Sequence[FloorNetwork], views: Sequence[FloorView]
 ) -> FloorScores:
     """The networks' scores of a map, tile by tile; bitwise equal for any number of threads."""
     raster = FloorRaster.of(grid)
@@ -138,7 +140,7 @@ class _Piece:
         return cls(free, occupied, (outside, inside), (inner[0], inner[1]))
 
     def scores(
-        self, networks: Sequence[FloorNetwork], views: Sequence[View]
+        self, networks: Sequence[FloorNetwork], views: Sequence[FloorView]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(h, w, 4) mean log-probabilities and (h, w) spread of the tile itself."""
         by_view: list[NDArray[np.float32] | None] = [None] * len(views)
@@ -163,7 +165,7 @@ class _Piece:
         spread = np.sqrt(np.maximum(second / n - (first / n) ** 2, 0))
         return mean, spread
 
-    def _seen(self, network: FloorNetwork, view: View) -> NDArray[np.float32]:
+    def _seen(self, network: FloorNetwork, view: FloorView) -> NDArray[np.float32]:
         """(h, w, 4) log-probabilities of the tile in one view."""
         free, occupied, *depths = (
             _turned(v, view) for v in (self.free, self.occupied, *self.depths)
@@ -175,13 +177,13 @@ class _Piece:
         return _turned_back(log_p, view)[self.inner]
 
 
-def _turned(values: NDArray[Any], view: View) -> NDArray[Any]:
+def _turned(values: NDArray[Any], view: FloorView) -> NDArray[Any]:
     turned = np.rot90(values, view.quarters)
     turned = turned[:, ::-1] if view.mirrored else turned
     return np.roll(turned, (1, 1), (0, 1)) if view.shifted else np.ascontiguousarray(turned)
 
 
-def _turned_back(values: NDArray[np.float32], view: View) -> NDArray[np.float32]:
+def _turned_back(values: NDArray[np.float32], view: FloorView) -> NDArray[np.float32]:
     return np.rot90(values[:, ::-1] if view.mirrored else values, -view.quarters)
 
 

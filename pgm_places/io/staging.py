@@ -142,7 +142,7 @@ def open_own(path: Path, flags: int) -> int:
 def _refuse_link(path: Path) -> None:
     """Refuse a symbolic link, which may lead to another user's file."""
     if path.is_symlink():
-        raise OutputError(f"cannot write {path}: a symbolic link stands in its place; remove it")
+        raise OutputError(f"cannot write {path}: it is a symbolic link; remove it")
 
 
 def _lock(path: Path, *, wait: bool = True) -> int | None:

@@ -17,32 +17,32 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.method import infer
 from pgm_places.solvers.adjacency import adjacency, is_forest
 
-# Decoders whose answer on a forest is that of each of its trees.
+# Decoders that label each tree of a forest as if it were alone.
 EXACT_ON_FORESTS = ("max-product", "sum-product", "exact")
 
-# Edge features that need kinds of edges, or are in units of the whole graph.
-OF_WHOLES = {"diagonal", "kind", "raw-difference"}
+# Edge features that need kinds of edges, or whose units depend on the whole graph.
+WHOLE_GRAPH_FEATURES = {"diagonal", "kind", "raw-difference"}
 
 
 def label_many(backend: Any, problems: Sequence[LabelingProblem]) -> list[Labeling]:
     """A backend's labelling of each problem.
 
-    Networks and fields (``amn``, ``crf``) label graphs without cycles as one where the decoder is
-    exact on them and no edge feature is in units of the whole graph (``raw-difference`` is): labels
-    and beliefs are the same, up to rounding, at a fraction of the time. Score, bound and ``info``
-    would be those of all problems together, and are left out. Others label them one by one.
+    Networks and fields (``amn``, ``crf``) label graphs without cycles in one call, if the decoder
+    is exact on them and no edge feature depends on the whole graph (as ``raw-difference`` does).
+    Labels and beliefs are equal up to rounding, at a fraction of the time; score, bound and
+    ``info`` are omitted. Other problems are labelled one by one.
     """
-    whole = stack_problems(problems) if _may_be_one(backend, problems) else None
-    if whole is None or _decoder(backend, whole) not in EXACT_ON_FORESTS:
+    stack = stack_problems(problems) if _is_stackable(backend, problems) else None
+    if stack is None or _decoder(backend, stack) not in EXACT_ON_FORESTS:
         return [infer(backend, problem) for problem in problems]
-    return unstack(infer(backend, whole), problems)
+    return unstack(infer(backend, stack), problems)
 
 
 def stack_problems(problems: Sequence[LabelingProblem]) -> LabelingProblem | None:
-    """Several problems as one of separate parts.
+    """Several problems as one problem on the disjoint union of their graphs.
 
-    None where that would change something: other labels, features that only some have, cycles,
-    cliques, diagonals of grids. Layouts and kinds of edges are left out.
+    None if stacking could change the labels: for different label names, features that only some
+    problems have, cycles, cliques, or diagonals of grids. Layouts and kinds of edges are dropped.
     """
     first = problems[0]
     sizes = [problem.graph.n_nodes for problem in problems]
@@ -74,26 +74,26 @@ def stack_problems(problems: Sequence[LabelingProblem]) -> LabelingProblem | Non
     )
 
 
-def unstack(whole: Labeling, problems: Sequence[LabelingProblem]) -> list[Labeling]:
-    """The labelling of each of the problems side by side."""
+def unstack(stack: Labeling, problems: Sequence[LabelingProblem]) -> list[Labeling]:
+    """The labelling of each of the stacked problems."""
     ends = np.cumsum([problem.graph.n_nodes for problem in problems])[:-1]
-    labels = np.split(whole.labels, ends)
-    if whole.beliefs is None:
-        return [Labeling(part, whole.status) for part in labels]
-    beliefs = np.split(whole.beliefs, ends)
+    labels = np.split(stack.labels, ends)
+    if stack.beliefs is None:
+        return [Labeling(each, stack.status) for each in labels]
+    beliefs = np.split(stack.beliefs, ends)
     return [
-        Labeling(part, whole.status, belief) for part, belief in zip(labels, beliefs, strict=True)
+        Labeling(each, stack.status, belief) for each, belief in zip(labels, beliefs, strict=True)
     ]
 
 
-def _may_be_one(backend: Any, problems: Sequence[LabelingProblem]) -> bool:
+def _is_stackable(backend: Any, problems: Sequence[LabelingProblem]) -> bool:
     if len(problems) < 2 or not traits_of(backend).sees_parts_alone:
         return False
-    return OF_WHOLES.isdisjoint(backend.edge_names(problems[0]))
+    return WHOLE_GRAPH_FEATURES.isdisjoint(backend.edge_names(problems[0]))
 
 
 def _decoder(backend: Any, problem: LabelingProblem) -> str:
-    """The decoder that a network or a field takes for a problem."""
+    """The name of the decoder that a network or field uses for a problem."""
     chosen = getattr(backend, "decoder_for", None)
     return str(backend.inference if chosen is None else chosen(problem))
 
@@ -114,5 +114,5 @@ def _unobserved_stacked(problems: Sequence[LabelingProblem]) -> NDArray[np.bool_
     )
 
 
-def _stacked(parts: Sequence[Any]) -> Any:
-    return None if parts[0] is None else stacked_rows(parts)
+def _stacked(arrays: Sequence[Any]) -> Any:
+    return None if arrays[0] is None else stacked_rows(arrays)

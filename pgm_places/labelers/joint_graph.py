@@ -1,4 +1,4 @@
-"""The cells of a map and the steps of a drive as one graph, and labellings of it taken apart."""
+"""Joint graph of the cells of a map and the steps of a drive, and its labellings."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -14,7 +14,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.segments import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 
 
@@ -26,11 +26,11 @@ class JointLabeling:
     Parameters
     ----------
     whole : Labeling
-        Of all nodes: the cells, then the segments of the drive.
+        All nodes: the cells, then the segments of the drive.
     cells : Labeling or None
-        Of the map's cells alone, in the order of their graph.
+        The map's cells, in the order of their graph.
     steps : Labeling or None
-        Of the drive's steps alone.
+        The drive's steps.
     """
 
     whole: Labeling
@@ -47,12 +47,12 @@ class JointGraph:
     graph : LabelGraph
         The cells come first.
     cells : LabelGraph or None
-    segments : Segments or None
+    segments : PathSegments or None
     """
 
     graph: LabelGraph
     cells: LabelGraph | None
-    segments: Segments | None
+    segments: PathSegments | None
 
     @classmethod
     def of(
@@ -64,28 +64,28 @@ class JointGraph:
         every_m: float,
         loop_m: float = 0.0,
     ) -> Self:
-        """The graph of what there is.
+        """The graph of a map, a drive or both.
 
         Parameters
         ----------
         cells : LabelGraph, optional
-            The cells of the map ``grid`` that are to be labelled.
+            The cells to label of the map ``grid``.
         grid : OccupancyGrid, optional
             In the frame of the drive's poses.
         drive : Trajectory, optional
         every_m, loop_m : float
-            As of :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`.
+            See :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`.
 
         Raises
         ------
         InputError
-            There is neither a map nor a drive, or the two have no place in common.
+            There is neither a map nor a drive, or no step is on a cell of the graph.
         """
         if drive is None:
             if cells is None:
                 raise InputError("give a map, a drive, or both; got neither")
             return cls(cells, cells, None)
-        segments = Segments(drive.poses, every_m)
+        segments = PathSegments(drive.poses, every_m)
         chain = segments.graph(loop_m=loop_m)
         if cells is None:
             return cls(chain, None, segments)
@@ -94,8 +94,8 @@ class JointGraph:
         linked = np.flatnonzero(under >= 0)
         if not len(linked):
             raise InputError(
-                f"{drive.name}: none of its positions is on a labelled cell of the map; bring the "
-                "drive into the map's frame first (Trajectory.transformed)"
+                f"{drive.name}: none of its positions is on a labelled cell of the map; transform "
+                "the drive to the map's frame first (Trajectory.transformed)"
             )
         links = np.column_stack([under[linked], linked])
         return cls(LabelGraph.joined(cells, chain, links), cells, segments)
@@ -115,35 +115,35 @@ class JointGraph:
     ) -> LabelingProblem:
         """The problem with the scores of cells (N, K) and of steps (T, K) as its unary.
 
-        With ``link_weight``, edges come with a weight: that one for links between steps and cells,
+        With ``link_weight``, edges have weights: ``link_weight`` for links between steps and cells,
         1 for all others.
         """
-        parts = [] if cell_scores is None else [np.asarray(cell_scores, np.float64)]
+        unaries = [] if cell_scores is None else [np.asarray(cell_scores, np.float64)]
         if step_scores is not None and self.segments is not None:
-            parts.append(np.log(self.segments.means(np.exp(step_scores))))
+            unaries.append(np.log(self.segments.means(np.exp(step_scores))))
         weights = None
         if link_weight is not None:
             kinds = self.graph.edge_kind
             is_link = np.zeros(self.graph.n_edges) if kinds is None else kinds == EdgeKind.LINK
             weights = np.where(is_link, link_weight, 1.0)[:, None]
-        unary = np.concatenate(parts)
+        unary = np.concatenate(unaries)
         return LabelingProblem(self.graph, label_names, unary, edge_features=weights)
 
     def truth(
         self, of_cells: NDArray[np.int64] | None, of_steps: NDArray[np.int64] | None, n_labels: int
     ) -> NDArray[np.int64]:
-        """(N,) true label of each node from those of cells and of steps, -1 where unknown."""
-        parts = []
+        """(N,) true label of each node, from the labels of cells and steps; -1 where unknown."""
+        truths = []
         if self.cells is not None:
-            parts.append(np.full(self.n_cells, -1) if of_cells is None else of_cells)
+            truths.append(np.full(self.n_cells, -1) if of_cells is None else of_cells)
         if self.segments is not None and of_steps is not None:
-            parts.append(self.segments.majority(of_steps, n_labels))
+            truths.append(self.segments.majority(of_steps, n_labels))
         elif self.segments is not None:
-            parts.append(np.full(len(self.segments), -1))
-        return np.concatenate(parts)
+            truths.append(np.full(len(self.segments), -1))
+        return np.concatenate(truths)
 
     def split(self, whole: Labeling) -> JointLabeling:
-        """The labelling of the map's cells and that of the drive's steps."""
+        """Split a labelling into the map's cells and the drive's steps."""
         n, segments = self.n_cells, self.segments
         cells = None if self.cells is None else whole.part(np.arange(n))
         steps = None if segments is None else whole.part(n + segments.of_step)
@@ -151,16 +151,17 @@ class JointGraph:
 
 
 class JointScores(NamedTuple):
-    """What the lists say of each node by itself, and the graph that joins them.
+    """Scores of each node before inference, and the joint graph.
 
     Parameters
     ----------
     graph : JointGraph
     cells : (N, K) float or None
-        The unary of the cells that the method is given.
+        Unary of the cells.
     steps : (T, K) float or None
+        Scores of the steps.
     doorways : Doorways or None
-        The accepted gates of the map, where the model knows spaces.
+        The accepted gates of the map, if the model uses space features.
     """
 
     graph: JointGraph
@@ -169,5 +170,5 @@ class JointScores(NamedTuple):
     doorways: Doorways | None = None
 
     def problem(self, names: tuple[str, ...], link_weight: float | None) -> LabelingProblem:
-        """The problem, with its links weighed if there is a weight."""
+        """The labelling problem, with ``link_weight`` if it is not None."""
         return self.graph.problem(names, self.cells, self.steps, link_weight=link_weight)

@@ -1,4 +1,4 @@
-"""JointLabeler: labels a map, a drive, or a map together with a drive through it, as one graph."""
+"""JointLabeler: labels a map together with a drive through it, as one graph."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
 
 LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Weights of the links that are tried, relative to that of all other edges."""
+"""Candidate weights of links, relative to all other edges."""
 
 
 @public_options
@@ -37,40 +37,39 @@ LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 class JointLabeler(Labeler):
     """Learns places from labelled maps and drives, and labels both together.
 
-    The cells of the map and the steps of the drive are nodes of one graph: neighbouring cells,
-    successive steps and passes of one spot are joined, and each step is linked to the cell under
-    it. A step thus profits from what the whole map says of its surroundings, and the map from what
-    the robot saw there.
+    The cells of the map and the steps of the drive are nodes of one graph. Edges join neighbouring
+    cells, successive steps, steps at the same spot, and each step with the cell under it. Steps
+    thus use the scores of the map, and cells the scans of the robot.
 
     Parameters
     ----------
     label_names : sequence of K str
         The places to distinguish.
     method : Backend or str
-        What labels the graph: any method of :mod:`pgm_places.inference.backends` for graphs with
-        cycles, or its name. An associative Markov network learns a weight for each kind of edge.
+        A method of :mod:`pgm_places.inference.backends` for graphs with cycles, or its name. An
+        associative Markov network learns a weight for each kind of edge.
     link_weight : float or "fitted"
-        For methods that take given edge weights (``potts``): weight of a link between a step and
-        its cell, relative to all other edges. ``"fitted"`` takes the best on held-out scores of the
-        training drives.
+        For methods with fixed edge weights (``potts``): weight of a link between a step and its
+        cell, relative to all other edges. ``"fitted"`` selects the best one on held-out scores of
+        the training drives.
     places : PlaceLabeler, optional
-        The unfitted labeler whose lists score cells; its methods are not used.
+        Unfitted labeler whose lists score cells; its methods are not used.
     steps : TrajectoryLabeler, optional
-        The unfitted labeler whose list scores scans, with the options of segments and beams; its
-        method is not used.
+        Unfitted labeler whose list scores scans, with the options of segments and beams; its method
+        is not used.
 
     Attributes
     ----------
     label_names_ : tuple of K str
         The labels that were learned.
     places_, steps_ : PlaceLabeler, TrajectoryLabeler
-        The fitted parts.
+        The fitted labelers of cells and steps.
     method_ : Backend
         The fitted method.
     link_weight_ : float or None
         The weight of links; None for methods that learn their own or have none.
     learn_seconds_ : float
-        How long the method took to learn; absent from a stored model.
+        Training time of the method (s); absent from a stored model.
 
     Examples
     --------
@@ -102,21 +101,22 @@ class JointLabeler(Labeler):
     _call_first: ClassVar[str] = "fit(drives)"
 
     def check_options(self) -> None:
-        """Refuse options that are not understood; :meth:`fit` does so before anything else.
+        """Check the options, as :meth:`fit` does first.
 
         Raises
         ------
         ConfigError
-            An option is not understood, the method is for chains, or a part has other labels.
+            An option is invalid, the method is for chains, or ``places`` or ``steps`` has other
+            labels.
         """
         super().check_options()
         method_use.check_labels_maps("the method", method_use.as_backend(self.method))
         for name in ("places", "steps"):
-            part = getattr(self, name)
-            if part is not None and tuple(part.label_names) != tuple(self.label_names):
+            inner = getattr(self, name)
+            if inner is not None and tuple(inner.label_names) != tuple(self.label_names):
                 raise ConfigError(
                     f"{name} must have the labels {', '.join(self.label_names)}, got "
-                    f"{', '.join(part.label_names)}"
+                    f"{', '.join(inner.label_names)}"
                 )
 
     # ------------------------------------------------------------------ learning
@@ -129,7 +129,7 @@ class JointLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
-        """The labeler itself, fitted: both lists, then the method on what they say of others.
+        """Fit both lists, then the method on their held-out scores; returns the labeler itself.
 
         Parameters
         ----------
@@ -138,14 +138,14 @@ class JointLabeler(Labeler):
         maps : sequence of LabelledMap
             Further labelled maps without a drive.
         n_threads, progress
-            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+            See :mod:`pgm_places.labelers.labeler`.
 
         Raises
         ------
         ConfigError
-            An option is not understood.
+            An option is invalid.
         InputError
-            There is no drive, or maps of different resolutions.
+            There is no drive, or maps have different resolutions.
         LabelError
             A label has no example.
         """
@@ -162,21 +162,21 @@ class JointLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> dict[str, Self]:
-        """Fitted labelers that share lists, each with a method that learned on the same scores.
+        """Fit several methods on the scores of shared lists; a labeler per method.
 
         The labeler itself gets the last of the methods.
 
         Parameters
         ----------
         methods : mapping of str to Backend or str
-            By the names that the labelers are returned by.
+            Methods by name; the labelers are returned with these names.
         drives, maps, n_threads, progress
-            As for :meth:`fit`.
+            See :meth:`fit`.
 
         Raises
         ------
         ConfigError, InputError, LabelError
-            As :meth:`fit`.
+            See :meth:`fit`.
         """
         self.check_options()
         methods = {name: method_use.as_backend(method) for name, method in methods.items()}
@@ -185,15 +185,15 @@ class JointLabeler(Labeler):
         if not drives:
             raise InputError("learning cells and steps together needs at least one labelled drive")
         names = tuple(self.label_names)
-        known = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
+        all_maps = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
         places, steps = self._parts()
         paths = [replace(item.drive, building=item.building) for item in drives]
         grids = [item.map.grid for item in drives]
         with thread_limit(n_threads), reporting_to(progress):
-            unary = places.learn(known, with_scores=True)
-            _, of_steps = learn_labelers(steps, {"": steps.method}, known, paths, None, grids)
-            assert unary.scores is not None  # asked for
-            examples = self._examples(places, steps, drives, known, unary.scores, of_steps)
+            unary = places.learn(all_maps, with_scores=True)
+            _, of_steps = learn_labelers(steps, {"": steps.method}, all_maps, paths, None, grids)
+            assert unary.scores is not None  # because of with_scores
+            examples = self._examples(places, steps, drives, all_maps, unary.scores, of_steps)
             scores, truths = zip(*examples, strict=True)
             shared = {"places_": places, "steps_": steps, "label_names_": names}
 
@@ -209,10 +209,10 @@ class JointLabeler(Labeler):
         truths: Sequence[NDArray[np.int64]],
         names: tuple[str, ...],
     ) -> dict[str, Any]:
-        """The fitted method, and the weight of links for methods that are told edge weights."""
+        """The fitted method, and the weight of links for methods with fixed edge weights."""
         weight = None
         if isinstance(method, Learnable):
-            problems = [item.problem(names, None) for item in scores]
+            problems = [drive_scores.problem(names, None) for drive_scores in scores]
             method = method_use.with_edge_kinds(method).fit(problems, truths)
         elif hasattr(method, "edge_weights"):
             method = replace(method, edge_weights="given")
@@ -241,27 +241,27 @@ class JointLabeler(Labeler):
     ) -> list[tuple[JointScores, NDArray[np.int64]]]:
         """Scores and true labels per drive with its map, and per map without one."""
         unary = places.method().unary
-        number = {id(item): index for index, item in enumerate(known)}
+        number = {id(map_): index for index, map_ in enumerate(known)}
 
         def example(
-            item: LabelledMap, drive: Trajectory | None, scores: NDArray[np.float64] | None
+            map_: LabelledMap, drive: Trajectory | None, scores: NDArray[np.float64] | None
         ) -> tuple[JointScores, NDArray[np.int64]]:
-            cells = item.graph(connectivity=places.connectivity, labelled_only=True)
+            cells = map_.graph(connectivity=places.connectivity, labelled_only=True)
             graph = JointGraph.of(
-                cells, item.grid, drive, every_m=steps.update_m, loop_m=steps.loop_m
+                cells, map_.grid, drive, every_m=steps.update_m, loop_m=steps.loop_m
             )
             of_drive = None if drive is None else drive.labels
-            truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
-            cell_scores = of_cells[number[id(item)]].of(unary)
+            truth = graph.truth(map_.truth(cells), of_drive, len(tuple(self.label_names)))
+            cell_scores = of_cells[number[id(map_)]].of(unary)
             return JointScores(graph, cell_scores, scores), truth
 
         examples = []
         for driven, scores in zip(drives, of_steps, strict=True):
-            assert driven.drive.labels is not None  # learning the list has checked
-            part = driven.drive.subset(driven.drive.labels >= 0)
-            examples.append(example(driven.map, part, scores))
-        with_drive = {id(item.map) for item in drives}
-        examples += [example(item, None, None) for item in known if id(item) not in with_drive]
+            assert driven.drive.labels is not None  # checked when the list was trained
+            labelled = driven.drive.subset(driven.drive.labels >= 0)
+            examples.append(example(driven.map, labelled, scores))
+        with_drive = {id(map_.map) for map_ in drives}
+        examples += [example(map_, None, None) for map_ in known if id(map_) not in with_drive]
         return examples
 
     def _link_weight(
@@ -271,12 +271,14 @@ class JointLabeler(Labeler):
         truth: NDArray[np.int64],
         names: tuple[str, ...],
     ) -> float:
-        """The weight given, or the one with the best balanced accuracy on held-out scores."""
+        """The fixed weight, or the one with the best balanced accuracy on held-out scores."""
         if self.link_weight != "fitted":
             return float(self.link_weight)
 
         def accuracy(weight: float) -> float:
-            labels = [method.infer(item.problem(names, weight)).labels for item in scores]
+            labels = [
+                method.infer(drive_scores.problem(names, weight)).labels for drive_scores in scores
+            ]
             return evaluate(truth, np.concatenate(labels), names).balanced_accuracy
 
         return max(LINK_WEIGHTS, key=accuracy)
@@ -292,19 +294,19 @@ class JointLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> JointScores:
-        """The graph of what is given, and what the lists say of each node by itself.
+        """The joint graph, and the scores of its nodes before inference.
 
-        Scores of cells are those that the labeler of maps gives a method: with doorways at gates
-        and whole spaces, where its lists see spaces.
+        Scores of cells are the unary of the place labeler: with doorways at gates and consistent
+        labels within spaces, if its lists use space features.
         """
         self.check_fitted()
         cells = cell_scores = step_scores = doorways = None
         with thread_limit(n_threads), reporting_to(progress):
             if grid is not None:
                 places = self.places_
-                cells, found = places.scores(grid, mask=mask)
-                cell_scores = places.problem_of(cells, found, places.method()).unary
-                doorways = accepted_doorways(places.unary_model_, grid, found)
+                cells, unary = places.scores(grid, mask=mask)
+                cell_scores = places.problem_of(cells, unary, places.method()).unary
+                doorways = accepted_doorways(places.unary_model_, grid, unary)
             if drive is not None:
                 step_scores = self.steps_.scores(drive, known_map=grid)
         graph = JointGraph.of(
@@ -313,7 +315,7 @@ class JointLabeler(Labeler):
         return JointScores(graph, cell_scores, step_scores, doorways)
 
     def infer(self, scores: JointScores, *, truth: ArrayLike | None = None) -> JointLabeling:
-        """The method's labelling of given scores; ``truth`` is that of all nodes."""
+        """The method's labelling of given scores; ``truth`` has a label for each node."""
         self.check_fitted()
         problem = scores.problem(self.label_names_, self.link_weight_)
         return scores.graph.split(method_use.infer(self.method_, problem, truth))
@@ -336,12 +338,12 @@ class JointLabeler(Labeler):
         drive : Trajectory, optional
             With scans, or without them if there is a map to cast them in.
         mask, n_threads, progress
-            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+            See :mod:`pgm_places.labelers.labeler`.
 
         Raises
         ------
         InputError
-            There is neither a map nor a drive, or the drive is elsewhere.
+            There is neither a map nor a drive, or no step is on a free cell of the map.
         NotFittedError
             Before :meth:`fit`.
         """
@@ -350,18 +352,16 @@ class JointLabeler(Labeler):
 
     @property
     def choices(self) -> dict[str, str]:
-        """What was chosen on training data, in words, by option."""
+        """The options chosen on training data, with a text each."""
         return self.places_.choices if hasattr(self, "places_") else {}
 
     def with_steps(self, **options: Any) -> Self:
-        """A copy that has learned the same and looks at drives with other options.
-
-        Options are those of ``steps``, such as ``every_m`` or ``beams__missing``.
+        """A fitted copy with other options of ``steps``, such as ``every_m`` or ``beams__missing``.
 
         Raises
         ------
         ConfigError
-            There is no such option, or it does not take its value.
+            An option is unknown or has an invalid value.
         """
         self.check_fitted()
         other = copy.copy(self)
@@ -369,9 +369,9 @@ class JointLabeler(Labeler):
         return other
 
     def of_maps(self) -> PlaceLabeler:
-        """A labeler of maps alone, with the same list and method: its labels are those of a map.
+        """A fitted PlaceLabeler with the same list and method, for maps without a drive.
 
-        Everything that takes a labeler of maps takes it, such as
+        It works with all functions for PlaceLabelers, such as
         :func:`pgm_places.labelling.label.label_map`.
 
         Raises

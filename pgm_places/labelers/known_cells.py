@@ -16,18 +16,18 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 @dataclass(frozen=True, eq=False)
 class KnownCells:
-    """Known labels on a map, and on the cells of its form that a model labels.
+    """Observed labels on a map, and on its cells at the model's resolution.
 
     Parameters
     ----------
     on_map : (H, W) int16
-        Label of each free cell of the map that is known, -1 elsewhere.
+        Observed label of each free cell of the map, -1 elsewhere.
     on_cells : (h, w) int16
-        The same at the model's resolution.
+        Observed labels at the model's resolution.
     label_names : tuple of str
-        What the labels mean.
+        Names of the labels.
     learned_names : tuple of str
-        The labels that methods know: those without the hall, which is a corridor to them.
+        Labels of the methods, which label halls as corridors.
     """
 
     on_map: NDArray[np.int16]
@@ -44,14 +44,14 @@ class KnownCells:
         label_names: Sequence[str],
         learned_names: Sequence[str],
     ) -> Self:
-        """Known labels (H, W) of a map, and what follows for the cells of ``used``.
+        """Transfer observed labels (H, W) of a map to the cells of ``used``.
 
-        A coarser cell is known where any of its free parts is; it takes the label of most of them.
+        A coarser cell is observed if any of its free cells is; it has their most frequent label.
 
         Raises
         ------
         LabelError
-            Labels that do not fit the map or the names.
+            The labels do not fit the map or the names.
         """
         names = tuple(label_names)
         raster = label_raster("known", known, grid.shape, n_labels=len(names))
@@ -66,16 +66,16 @@ class KnownCells:
         return cls(on_map, on_cells, names, tuple(learned_names))
 
     def of_nodes(self, layout: GridLayout) -> NDArray[np.int64]:
-        """(N,) the learned label of each node, -1 where it is not known."""
+        """(N,) the methods' label of each observed node, -1 elsewhere."""
         to = [
             self.learned_names.index(name if name in self.learned_names else "corridor")
             for name in self.label_names
         ]
-        # The entry after the last serves -1, "not known".
+        # The last entry is the one for index -1, "not observed".
         return np.array([*to, -1], np.int64)[layout.from_raster(self.on_cells)]
 
-    def kept(self, labeling: Labeling, layout: GridLayout) -> Labeling:
-        """A labelling in which known nodes have exactly their labels, and no doubt of them."""
+    def enforced(self, labeling: Labeling, layout: GridLayout) -> Labeling:
+        """The labelling with observed labels at observed nodes, with probability 1."""
         nodes = layout.from_raster(self.on_cells)
         known = np.flatnonzero(nodes >= 0)
         labels, beliefs = labeling.labels.copy(), labeling.beliefs
@@ -89,7 +89,7 @@ class KnownCells:
 def _split(
     on_map: NDArray[np.int16], grid: OccupancyGrid, used: OccupancyGrid
 ) -> NDArray[np.int16]:
-    """(h, w) labels of a map on the cells that it was split into."""
+    """(h, w) labels of a map on the cells of its refined version."""
     layout = GridLayout.of_mask(used.free)
     r, c = Coarsening(used, grid).holders(layout.cells_rc).T
     return np.asarray(layout.to_raster(on_map[r, c], fill=-1))

@@ -1,4 +1,4 @@
-"""Label a map together with a drive, at any resolution of the map."""
+"""Labelling a map together with a drive, at any resolution of the map."""
 
 from typing import NamedTuple
 
@@ -19,9 +19,9 @@ class LabelledDrive(NamedTuple):
     Parameters
     ----------
     map : LabelledPlaces
-        On the map's own raster.
+        The labelled map, at its original resolution.
     steps : Labeling
-        Of the drive's steps.
+        Labels of the drive's steps.
     """
 
     map: LabelledPlaces
@@ -37,10 +37,10 @@ def label_map_and_drive(
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledDrive:
-    """The map and the drive labelled as one graph, the map on its own raster.
+    """Label a map and a drive as one graph; the map's labels have its original resolution.
 
-    A map of another resolution than the training maps' is brought to theirs first, as
-    :func:`~pgm_places.labelling.label.label_map` does, and a warning says so.
+    A map of another resolution than the training maps is resampled first, with a warning, as by
+    :func:`~pgm_places.labelling.label.label_map`.
 
     Parameters
     ----------
@@ -51,19 +51,19 @@ def label_map_and_drive(
     drive : Trajectory
         With scans, or without them if the model casts them in the map.
     entered : EnteredOptions, optional
-        Which free space of the map is reachable: the rest gets no label.
+        Options of unreachable space, which gets no label.
     n_threads, progress
-        As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+        See :mod:`pgm_places.labelers.labeler`.
 
     Raises
     ------
     MapError
-        The map has no free cell, or none that is left at the model's resolution, or would have to
-        be refined to too many cells.
+        The map has no free cell, also at the model's resolution, or would have to be refined to too
+        many cells.
     InputError
         None of the drive's positions is on a free cell of the map.
     NotFittedError
-        The labeler has not learned.
+        The labeler is not fitted.
     """
     labeler.check_fitted()
     with thread_limit(n_threads), reporting_to(progress):
@@ -73,7 +73,7 @@ def label_map_and_drive(
         scores = labeler.scores(used, drive)
         labeling = labeler.infer(scores)
     cells, steps = labeling.cells, labeling.steps
-    assert cells is not None and steps is not None and scores.graph.cells is not None  # are given
+    assert cells is not None and steps is not None and scores.graph.cells is not None
     places = on_own_raster(
         grid,
         used,

@@ -1,37 +1,36 @@
-"""What all labelers share: options in the constructor, learned attributes, one signature.
+"""Base class of all labelers: options, learned attributes and common signatures.
 
-The contract is scikit-learn's, so that its ``clone`` and its grid searches take any labeler, but
-scikit-learn is not imported: it takes a second, and labelling does without it.
+The interface is scikit-learn's, so that ``clone`` and grid searches work with any labeler. But
+scikit-learn is not imported, which would take a second; labelling does not need it.
 
 ``Labeler(options)``
-    Keeps the options as they are; ``fit`` checks them before anything is learned.
+    Stores the options unchanged; ``fit`` checks them before training.
 ``fit(...)``
-    Learns into attributes with a trailing underscore, and returns the labeler.
-``scores(thing)``
-    The classifier's scores of each node on its own.
-``infer(thing, scores)``
+    Sets the learned attributes, which end with an underscore, and returns the labeler.
+``scores(x)``
+    The classifier's scores of each node before inference.
+``infer(x, scores)``
     The method's labelling of given scores: a
     :class:`~pgm_places.inference.labeling.Labeling`.
-``label(thing)``
+``label(x)``
     Both.
 ``save(labeler, folder)``, ``load(folder)``
-    Of :mod:`pgm_places.persistence.stored`, for all labelers and backends alike.
+    Functions of :mod:`pgm_places.persistence.stored` for all labelers and backends.
 
-The thing is a map for PlaceLabeler, a trajectory for TrajectoryLabeler, a map and a trajectory
-through it for JointLabeler, and a problem for StructuredLabeler. Keywords mean the same wherever
-they occur:
+``x`` is a map for PlaceLabeler, a trajectory for TrajectoryLabeler, a map and a trajectory through
+it for JointLabeler, and a problem for StructuredLabeler. Common keywords:
 
 ``method``
     Name of the method to use, where a labeler has several; the last one by default.
 ``mask``
     (H, W) bool, the cells of a map to label; all free cells by default.
 ``truth``
-    (N,) true label indices or -1: methods that can follow their accuracy add it to their history.
-    The labels are the same.
+    (N,) true label indices or -1, for methods that record their accuracy in each iteration. The
+    labels do not depend on it.
 ``n_threads``
-    Threads to use, all by default; results are the same bits for any number.
+    Number of threads, all by default; results are bit-identical for any number.
 ``progress``
-    Where stages and warnings are reported; nowhere by default.
+    Reporter of stages and warnings; none by default.
 """
 
 import copy
@@ -52,13 +51,12 @@ from pgm_places.progress import report_stage
 
 
 def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
-    """For each method that need not learn, the first one that learns the same.
+    """For each method with the same training as an earlier one, the name of the earlier one.
 
     Parameters
     ----------
     methods : mapping of str to (Backend, str)
-        The backends with the unary that each is given. Learned ones that share their arrays are
-        told, too.
+        The backends with their unary. Fitted backends count as equal if they share their arrays.
 
     Examples
     --------
@@ -71,7 +69,7 @@ def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
     first: dict[Hashable, str] = {}
     shared = {}
     for name, (backend, unary) in methods.items():
-        key = _what_is_learned(backend)
+        key = _training_key(backend)
         if key is None:
             continue
         other = first.setdefault((key, unary), name)
@@ -81,21 +79,21 @@ def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
 
 
 def as_fitted(backend: Any, fitted: Any) -> Any:
-    """The fitted backend, labelling as another one does that learns the same."""
+    """A fitted backend with the labelling options of ``backend``, which has the same training."""
     chosen = {name: getattr(backend, name) for name in traits_of(backend).labelling_options}
     return dataclasses.replace(fitted, **chosen)
 
 
-def _what_is_learned(backend: object) -> Hashable | None:
-    """What learning depends on; None for what learns nothing, or says nothing of that."""
+def _training_key(backend: Any) -> Hashable | None:
+    """A key of everything that training depends on; None if there is no training to share."""
     if not isinstance(backend, Learnable) or not traits_of(backend).labelling_options:
         return None
     others = set(option_values(backend)) - set(traits_of(backend).labelling_options)
     options = sorted((name, repr(getattr(backend, name))) for name in others)
     arrays = [
-        id(getattr(backend, item.name))
-        for item in dataclasses.fields(backend)  # type: ignore[arg-type]
-        if item.metadata.get("learned")
+        id(getattr(backend, field.name))
+        for field in dataclasses.fields(backend)  # type: ignore[arg-type]
+        if field.metadata.get("learned")
     ]
     return type(backend), *options, *arrays
 
@@ -107,7 +105,7 @@ class Labeler:
     Attributes
     ----------
     label_names_ : tuple of K str
-        The labels that were learned; its presence says that the labeler is fitted.
+        The learned labels; present only if the labeler is fitted.
     """
 
     label_names_: tuple[str, ...]
@@ -119,14 +117,12 @@ class Labeler:
     # ------------------------------------------------------------------ options
 
     def check_options(self) -> None:
-        """Refuse options that are not understood; ``fit`` does so before anything is learned.
-
-        The annotations of the constructor say what an option takes.
+        """Check the options against the annotations of the constructor, as ``fit`` does first.
 
         Raises
         ------
         ConfigError
-            One line: the option, what it takes, what came.
+            An option is invalid; one line with its name, the permitted values and its value.
         """
         for name, hint in hints_of(type(self).__init__).items():
             value = getattr(self, name)
@@ -136,32 +132,32 @@ class Labeler:
                 raise ConfigError(f"{name} must be {words(hint)}, got {described(value)}")
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The options by name; with ``deep`` also options of options: ``sensor__n_beams``."""
+        """The options by name; with ``deep`` also nested options: ``sensor__n_beams``."""
         options = {name: getattr(self, name) for name in self._defaults()}
         return _with_inner(options, self._part) if deep else options
 
     def set_params(self, **params: Any) -> Self:
-        """The labeler itself with other options; what it has learned stays until the next fit.
+        """Set options; learned attributes do not change until the next fit. Returns the labeler.
 
         Raises
         ------
         ConfigError
-            There is no such option; the nearest is offered.
+            An option is unknown; the message suggests the nearest name.
         """
         known = list(self._defaults())
-        for name, (given, inner) in _grouped(params).items():
+        for name, (is_set, inner) in _grouped(params).items():
             _check_known(type(self).__name__, name, known)
-            if given:
+            if is_set:
                 setattr(self, name, params[name])
             if inner:
                 setattr(self, name, _changed(self._part(name), inner))
         return self
 
     def with_options(self, **params: Any) -> Self:
-        """A copy that has learned the same and labels with other options.
+        """A fitted copy with other options.
 
-        Options of a method go to the fitted one as well: ``method__mode="viterbi"``. Options that
-        only learning reads take effect when the copy is fitted again.
+        Options of the method are set on the fitted method, too: ``method__mode="viterbi"``. Options
+        of training take effect when the copy is fitted again.
         """
         other = copy.copy(self).set_params(**params)
         for name, (_, inner) in _grouped(params).items():
@@ -180,7 +176,7 @@ class Labeler:
         return f"{type(self).__name__}({', '.join(shown)})"
 
     def _repr_html_(self) -> str:
-        """The options as notebooks show scikit-learn's estimators."""
+        """The HTML representation of scikit-learn's estimators, for notebooks."""
         from sklearn.utils import estimator_html_repr
 
         return str(estimator_html_repr(self))
@@ -189,10 +185,10 @@ class Labeler:
     def _defaults(cls) -> dict[str, Any]:
         """The constructor's parameters in order, with their defaults."""
         parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]
-        return {item.name: item.default for item in parameters}
+        return {parameter.name: parameter.default for parameter in parameters}
 
     def _part(self, name: str) -> Any:
-        """An option as an object with options of its own; a method's name as the method."""
+        """An option with nested options; a method's name is replaced by the method."""
         value = getattr(self, name)
         return as_backend(value) if name == self._method_option else value
 
@@ -208,11 +204,11 @@ class Labeler:
     def set_learned_with(
         self, methods: Mapping[str, Any], learn: Callable[[Any], Mapping[str, Any]]
     ) -> dict[str, Self]:
-        """A labeler per method, the last of them this one, with what ``learn`` makes of each.
+        """Fit a labeler per method with ``learn``; the last one is this labeler.
 
-        ``learn`` returns the learned attributes by name, the method's with an underscore after the
-        option's; ``learn_seconds_`` is how long it took. Methods that learn the same are learned
-        once, and the first of them has the seconds.
+        ``learn`` returns the learned attributes by name, among them the fitted method
+        (``method_``). ``learn_seconds_`` is its time. Methods with the same training are trained
+        once, and the time counts for the first of them.
         """
         shared = learned_with({name: (method, "") for name, method in methods.items()})
         learned: dict[str, Mapping[str, Any]] = {}
@@ -236,7 +232,7 @@ class Labeler:
         return labelers
 
     def check_fitted(self) -> None:
-        """Refuse what only a fitted labeler can do.
+        """Check that the labeler is fitted.
 
         Raises
         ------
@@ -245,7 +241,7 @@ class Labeler:
         """
         if not self.__sklearn_is_fitted__():
             raise NotFittedError(
-                f"this {type(self).__name__} has not learned yet; call {self._call_first} first"
+                f"this {type(self).__name__} is not fitted yet; call {self._call_first} first"
             )
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -258,12 +254,12 @@ class Labeler:
 
 
 def _is_limited(hint: object) -> bool:
-    """Whether an annotation says more of its values than their type."""
+    """Whether an annotation limits the values beyond their type."""
     return get_origin(hint) in (Annotated, Literal) or any(map(_is_limited, get_args(hint)))
 
 
 def _options_of(value: object, *, deep: bool) -> dict[str, object]:
-    """The options of an option: of an estimator, of a dataclass, or the items of a mapping."""
+    """The nested options of an estimator, a dataclass or a mapping."""
     if hasattr(value, "get_params") and not isinstance(value, type):
         return dict(value.get_params(deep))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -276,7 +272,7 @@ def _options_of(value: object, *, deep: bool) -> dict[str, object]:
 
 
 def _with_inner(options: dict[str, object], part: Callable[[str], Any]) -> dict[str, object]:
-    """The options with those of their parts, called ``sensor__n_beams``."""
+    """The options, and nested ones by names such as ``sensor__n_beams``."""
     every = dict(options)
     for name in options:
         inner = _options_of(part(name), deep=True)
@@ -285,30 +281,30 @@ def _with_inner(options: dict[str, object], part: Callable[[str], Any]) -> dict[
 
 
 def _changed(value: Any, params: Mapping[str, Any]) -> Any:
-    """The value with other options; the one that is given stays as it is."""
+    """A copy of the value with other options."""
     if hasattr(value, "set_params"):
         try:
             return copy.deepcopy(value).set_params(**params)
-        except ValueError as error:  # scikit-learn's own words for a name that it does not know
+        except ValueError as error:  # scikit-learn's message for an unknown name
             raise ConfigError(str(error)) from None
     known = _options_of(value, deep=False)
     new = {}
-    for name, (given, inner) in _grouped(params).items():
+    for name, (is_set, inner) in _grouped(params).items():
         _check_known(type(value).__name__, name, list(known))
-        new[name] = params[name] if given else known[name]
+        new[name] = params[name] if is_set else known[name]
         if inner:
             new[name] = _changed(new[name], inner)
     return {**value, **new} if isinstance(value, Mapping) else dataclasses.replace(value, **new)
 
 
 def _grouped(params: Mapping[str, object]) -> dict[str, tuple[bool, dict[str, object]]]:
-    """Per option whether it is given itself, and what is given of its own options."""
-    found: dict[str, tuple[bool, dict[str, Any]]] = {}
+    """Per option, whether it is set itself, and the values of its nested options."""
+    groups: dict[str, tuple[bool, dict[str, Any]]] = {}
     for key, value in params.items():
         name, _, inner = key.partition("__")
-        given, others = found.get(name, (False, {}))
-        found[name] = (given, {**others, inner: value}) if inner else (True, others)
-    return found
+        is_set, others = groups.get(name, (False, {}))
+        groups[name] = (is_set, {**others, inner: value}) if inner else (True, others)
+    return groups
 
 
 def _check_known(owner: str, name: str, known: list[str]) -> None:

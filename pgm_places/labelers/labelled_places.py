@@ -1,4 +1,4 @@
-"""LabelledPlaces: a labelled map on its own raster, at any resolution of the model."""
+"""LabelledPlaces: a labelled map at its original resolution."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAME_RESOLUTION = 0.02
-"""Resolutions that differ by less than this share are taken as equal."""
+"""Resolutions that differ by less than this share count as equal."""
 
-# As many as of the largest map whose labelling is measured: 500 x 500 m with cells of 5 cm. A map
-# that has as many itself is no slip of its maker; one of half a metre that is refined may be.
+# The cells of the largest map in the benchmarks: 500 x 500 m with cells of 5 cm. A refined map
+# with more cells probably has a wrong resolution.
 MAX_REFINED_CELLS = 100_000_000
 
 
@@ -41,20 +41,20 @@ LARGEST_CELLS_M = 1.0
 def at_model_resolution(
     labeler: PlaceLabeler, grid: OccupancyGrid, *, max_cells: int | None = None
 ) -> tuple[OccupancyGrid, list[str]]:
-    """The map with the model's cells, and what there is to say about it.
+    """The map at the model's resolution, and notes on the resampling.
 
     Parameters
     ----------
     labeler : PlaceLabeler
     grid : OccupancyGrid
     max_cells : int, optional
-        No map is refined to more cells than this; ``MAX_REFINED_CELLS`` by default.
+        Most cells of a refined map; ``MAX_REFINED_CELLS`` by default.
 
     Raises
     ------
     MapError
-        The map has no free cell, or none that is left at the model's resolution, or would have to
-        be refined to too many cells, or its cells are too large to show walls.
+        The map has no free cell, also at the model's resolution, would have to be refined to too
+        many cells, or its cells are too large to show walls.
     """
     if not grid.free.any():
         raise MapError(
@@ -64,43 +64,41 @@ def at_model_resolution(
     if grid.resolution_m > LARGEST_CELLS_M:
         raise MapError(
             f"the map has cells of {grid.resolution_m:g} m, which show neither walls nor doorways; "
-            "correct its resolution, in metres a cell"
+            "correct its resolution (metres per cell)"
         )
     if abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
         return grid, []
-    note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "
     if wanted > grid.resolution_m:
         used = coarsen(grid, wanted)
-        how = f"coarsened by {used.resolution_m / grid.resolution_m:g}"
-        back = "labels are painted back"
+        back = "labels are written at the original resolution"
     else:
         height, width = refined_shape(grid, wanted)
         if height * width > (most := max_cells or MAX_REFINED_CELLS):
             raise MapError(
-                f"{note}its {grid.cells.size:,} cells would be split into {height * width:,}, more "
-                f"than {most:,}; crop the map, use a model of a coarser resolution, or raise "
-                "max_cells (label --max-cells) and expect it to take long"
+                f"the map has cells of {grid.resolution_m:g} m, the model needs {wanted:g} m: its "
+                f"{grid.cells.size:,} cells would be split into {height * width:,}, more than "
+                f"{most:,}; crop the map, use a model of a coarser resolution, or raise max_cells "
+                "(label --max-cells), which will take long"
             )
         used = refine(grid, wanted)
-        how = f"split by {grid.resolution_m / used.resolution_m:g}"
-        back = "each cell takes the most frequent label of its parts"
+        back = "each cell gets the most frequent label of its parts"
     n_free = int(np.count_nonzero(used.free))
     if n_free == 0:
         raise MapError(
-            f"no free cell is left where the map's cells of {grid.resolution_m:g} m are joined to "
-            f"the model's of {used.resolution_m:g} m; look at its thresholds ('pgm-places doctor "
-            "MAP'), or use a model of a finer resolution"
+            f"no free cell is left after resampling the map from {grid.resolution_m:g} m to "
+            f"{used.resolution_m:g} m cells for the model; look at its thresholds ('pgm-places "
+            "doctor MAP'), or use a model of a finer resolution"
         )
-    note += (
-        f"{how}, from {grid.cells.size:,} cells to {used.cells.size:,}, {n_free:,} of them free "
-        f"to be labelled; {back}"
+    note = (
+        f"resampled from {grid.resolution_m:g} m to {used.resolution_m:g} m cells for the model "
+        f"({n_free:,} free cells); {back}"
     )
     return used, [note]
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledCells:
-    """The labels of a map's cells, with everything else that its places follow from.
+    """The labels of a map's cells, with all other inputs of its topological map.
 
     Parameters
     ----------
@@ -111,11 +109,11 @@ class LabelledCells:
     beliefs : (N, K) float, optional
         Probabilities of the labels at the nodes of ``layout``.
     layout : GridLayout, optional
-        The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
+        The cells of ``beliefs``, of ``grid`` or a coarser version of it.
     doorways : Doorways, optional
         The accepted gates of the map.
     hall : (N,) float32, optional
-        As of :class:`LabelledPlaces`.
+        See :class:`LabelledPlaces`.
     """
 
     grid: OccupancyGrid
@@ -130,30 +128,30 @@ class LabelledCells:
 @public
 @dataclass(frozen=True, eq=False)
 class LabelledPlaces(Plotted):
-    """A labelled map, on its own raster.
+    """A labelled map, at its original resolution.
 
     Parameters
     ----------
     grid : OccupancyGrid
-        The map as it came.
+        The original map.
     labels : (H, W) int16
-        Label index per free cell in the grid's order, -1 elsewhere and where nobody entered.
+        Label index per free cell in the grid's order, -1 elsewhere and in unreachable space.
     layout : GridLayout
-        The cells behind ``labeling``: of ``grid``, or of its coarsened form, ``layout.source``;
-        without those that were never entered.
+        The cells of ``labeling``, of ``grid`` or its coarsened version ``layout.source``, without
+        unreachable ones.
     labeling : Labeling
-        What the method returned; of a map that was refined, brought back to its cells.
+        The result of the method; for a refined map, converted to the original cells.
     label_names : tuple of str
     method : str
     warnings : tuple of str
     doorways : Doorways or None
-        The accepted gates of the map, where the model knows spaces, for
+        The accepted gates of the map, if the model uses space features, for
         :func:`~pgm_places.topology.from_labels.topological_map`.
     unentered : Unentered or None
-        Free space that was left without labels because it was never entered, if there is any.
+        Unreachable space, which has no labels, if there is any.
     hall : (N,) float32 or None
-        The probability that each node lies in a hall, a part of that of ``corridor``, where the
-        model knows halls and shows them as corridors.
+        The probability that each node is in a hall, which is part of the probability of
+        ``corridor``; for models that distinguish halls and show them as corridors.
     """
 
     grid: OccupancyGrid
@@ -169,7 +167,7 @@ class LabelledPlaces(Plotted):
 
     @property
     def cells(self) -> LabelledCells:
-        """The labels with everything else that places follow from."""
+        """The labels with all other inputs of the topological map."""
         beliefs = self.labeling.beliefs
         return LabelledCells(
             self.grid,
@@ -182,7 +180,7 @@ class LabelledPlaces(Plotted):
         )
 
     def on_whole(self, grid: OccupancyGrid, window: KnownWindow) -> "LabelledPlaces":
-        """The labels of a window of a map, which holds all that is known of it, on the map."""
+        """Extend the labels of a window, which contains all known cells, to the map."""
         return replace(
             self,
             grid=grid,
@@ -212,8 +210,8 @@ class LabelledPlaces(Plotted):
         ax : matplotlib.axes.Axes, optional
             New axes if not given.
         show : {"labels", "probability", "uncertainty"}
-            ``probability`` is that of the label shown; ``uncertainty`` the entropy of the beliefs
-            as a share of ``log K``.
+            ``probability`` of the assigned label; ``uncertainty`` is the entropy of the beliefs as
+            a share of ``log K``.
 
         Returns
         -------
@@ -270,10 +268,10 @@ def on_own_raster(
     entered: EnteredOptions,
     hall: NDArray[np.float32] | None = None,
 ) -> LabelledPlaces:
-    """A map with labels on its own raster, from those of the cells ``layout`` of ``used``.
+    """A map with labels at its original resolution, from the labels of ``used``'s cells.
 
-    ``used`` is the map at the model's resolution; known labels are painted over those found.
-    Unreachable space has no labels, unless ``entered`` asks for them or they are known.
+    ``used`` is the map at the model's resolution. Observed labels override the labelling.
+    Unreachable space has no labels, unless ``entered`` requests them or they are observed.
     """
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_map(grid)
@@ -294,15 +292,15 @@ def on_own_raster(
 
 
 def _painted(grid: OccupancyGrid, layout: GridLayout, values: ArrayLike, fill: Any) -> NDArray[Any]:
-    """Values of the nodes (N, ...) on the raster (H, W, ...) of the map itself."""
+    """Values of the nodes (N, ...) on the raster (H, W, ...) of the original map."""
     raster = layout.to_raster(values, fill=fill)
-    if layout.source is grid:  # nothing to paint: all nodes are free cells
+    if layout.source is grid:  # all nodes are cells of the original map
         return raster
     return Coarsening.behind(layout, grid).paint(raster, fill)
 
 
 def _without(places: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
-    """A labelled map without the labels of what was never entered."""
+    """A labelled map without the labels of unreachable space."""
     grid, layout = places.grid, places.layout
     entered = grid.free & ~unentered.cells
     if layout.source is not grid:
@@ -322,10 +320,10 @@ def _without(places: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
 def _brought_back(
     labeling: Labeling, refined: OccupancyGrid, cells: GridLayout, layout: GridLayout
 ) -> Labeling:
-    """A refined map's labelling at the nodes of the map: most frequent label, mean probability.
+    """A refined map's labelling on the original cells: most frequent label, mean probability.
 
-    ``cells`` are those of the refined map, ``layout`` those of the map. Of labels that are equally
-    frequent the first is taken. Score and bound stay those of the refined map.
+    ``cells`` is the layout of the refined map, ``layout`` of the original one. Ties go to the first
+    label. Score and bound are unchanged.
     """
     node = _nodes_of_parts(refined, cells, layout)
     n_labels = int(labeling.labels.max()) + 1
@@ -339,7 +337,7 @@ def _brought_back(
 def _nodes_of_parts(
     refined: OccupancyGrid, cells: GridLayout, layout: GridLayout
 ) -> NDArray[np.integer]:
-    """(n,) the map's node that each cell of its refined form is a part of."""
+    """(n,) the original map's node of each refined cell."""
     assert isinstance(layout.source, OccupancyGrid)  # made from the map
     return layout.nodes_at(Coarsening(refined, layout.source).holders(cells.cells_rc))
 
@@ -347,6 +345,6 @@ def _nodes_of_parts(
 def _means(
     values: NDArray[np.floating[Any]], node: NDArray[np.integer], layout: GridLayout
 ) -> NDArray[np.floating[Any]]:
-    """(N,) the mean of some values (n,) at each node."""
+    """(N,) the mean of values (n,) at each node."""
     sums, counts = np.bincount(node, values, layout.n_nodes), np.bincount(node)
     return np.asarray(sums / counts, values.dtype)

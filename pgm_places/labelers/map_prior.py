@@ -1,4 +1,4 @@
-"""MapPrior: what a map that was labelled beforehand says of the place at a position."""
+"""MapPrior: label probabilities at positions, from a labelled map."""
 
 from collections.abc import Sequence
 from typing import Protocol, Self
@@ -11,43 +11,43 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 
-# Default weight of what the map says at one update: that of an observation of its own.
+# Default weight of the map at one update: the weight of an observation.
 WEIGHT = 1.0
 
-# Probability of the label of a cell, where labels come without probabilities.
+# Probability of a cell's label, for labels without probabilities.
 CERTAIN = 0.9
 
-# No label of a map is less probable: a drive must be able to contradict it.
+# Least probability of a label on the map, so that a drive can contradict it.
 LEAST = 0.01
 
 
 class PositionPrior(Protocol):
-    """Prior label probabilities at positions, from a labelled map."""
+    """Interface of label probabilities at positions, for example of a labelled map."""
 
     def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """(T, K) probabilities at positions (T, 2) in metres."""
         ...
 
     def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What probabilities (..., K) from :meth:`at`, or means of them, add to each label."""
+        """The log-likelihood of each label, from probabilities (..., K) of :meth:`at`."""
         ...
 
 
 class MapPrior:
-    """A labelled map, asked at positions.
+    """Label probabilities at positions, from a labelled map.
 
-    The labels' shares on the map tell how surprising a cell's label is: a position adds
-    ``weight * (log p(l | cell) - log share(l))`` to the log-likelihoods of a step. Positions
-    outside the map, or on cells without a label, add nothing.
+    A position adds ``weight * (log p(l | cell) - log share(l))`` to the log-likelihoods of a step,
+    where ``share(l)`` is the label's share of the map. Positions outside the map, or on cells
+    without a label, add nothing.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map, in the frame of the poses.
     probabilities : (H, W, K) float
-        Probability of each label at each cell; 0 for all labels where nothing is known.
+        Probability of each label at each cell; 0 for all labels of unlabelled cells.
     weight : float
-        Above 0: how much the map counts at one update, compared with an observation of its own.
+        Above 0: weight of the map at one update, relative to an observation.
 
     Examples
     --------
@@ -77,34 +77,34 @@ class MapPrior:
         self.grid, self.weight = grid, float(weight)
         rows = np.maximum(table[known] / total[known, None], LEAST)
         self.rows: NDArray[np.float32] = rows / rows.sum(axis=1, keepdims=True)
-        """(N, K) probabilities of the labels at the cells where something is known."""
+        """(N, K) label probabilities of the labelled cells."""
         self.number: NDArray[np.int32] = np.full(grid.shape, -1, np.int32)
-        """(H, W) row of each cell, -1 where nothing is known."""
+        """(H, W) row of each cell, -1 for unlabelled cells."""
         self.number[known] = np.arange(len(rows))
         self.shares: NDArray[np.float64] = self.rows.mean(axis=0, dtype=np.float64)
-        """(K,) how frequent each label is on the map."""
+        """(K,) share of each label on the map."""
         self.shares /= self.shares.sum()
 
     @classmethod
     def of_labels(cls, grid: OccupancyGrid, labels: ArrayLike, n_labels: int) -> Self:
-        """One of labels (H, W) without probabilities, -1 where there is none."""
+        """A prior from labels (H, W) without probabilities, -1 for unlabelled cells."""
         raster = label_raster("labels", labels, grid.shape, n_labels=n_labels)
         rest = (1.0 - CERTAIN) / max(n_labels - 1, 1)
-        table = np.full((n_labels + 1, n_labels), rest, np.float32)  # the last row is that of -1
+        table = np.full((n_labels + 1, n_labels), rest, np.float32)  # the last row is for -1
         np.fill_diagonal(table, CERTAIN)
         table[-1] = 0.0
         return cls(grid, table[raster])
 
     @classmethod
     def of_places(cls, places: LabelledPlaces) -> Self:
-        """One of a map as :func:`pgm_places.labelling.label.label_map` labels it."""
+        """A prior from a result of :func:`pgm_places.labelling.label.label_map`."""
         beliefs = places.labeling.beliefs
         if beliefs is None:
             return cls.of_labels(places.grid, places.labels, len(places.label_names))
         return cls(places.grid, places.on_map(np.float32(beliefs), 0.0))
 
     def check_labels(self, label_names: Sequence[str]) -> None:
-        """Refuse labels of another number than the map's."""
+        """Check that the number of labels is the map's."""
         if len(label_names) != len(self.shares):
             raise LabelError(
                 f"the labelled map has {len(self.shares)} labels, but the model has "
@@ -112,10 +112,10 @@ class MapPrior:
             )
 
     def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
-        """(T, K) probabilities at positions (T, 2); the labels' shares where nothing is known."""
+        """(T, K) probabilities at positions (T, 2); the labels' shares on unlabelled cells."""
         number = at_cells(self.number, self.grid.cells_at_m(positions_m), -1)
         return np.where((number >= 0)[:, None], self.rows[number], self.shares)
 
     def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What probabilities (..., K) from :meth:`at`, or means of them, add to each label."""
+        """The log-likelihood of each label, from probabilities (..., K) of :meth:`at`."""
         return np.asarray(self.weight * (np.log(probabilities) - np.log(self.shares)))

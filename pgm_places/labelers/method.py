@@ -1,4 +1,4 @@
-"""A method as labelers use it: resolved by name, checked for its capabilities, and run."""
+"""Methods of labelers: resolving by name, checking of capabilities, inference."""
 
 import dataclasses
 import inspect
@@ -24,12 +24,12 @@ Unary = Literal["auto", "laser", "context", "laser+space", "space", "floor"]
 
 
 def as_backend(method: object) -> Backend:
-    """The method itself, or the one of that name.
+    """A backend, or the backend of a method's name.
 
     Raises
     ------
     ConfigError
-        Neither a name nor something that can infer.
+        The method is neither a name nor a backend.
     """
     backend = build(method) if isinstance(method, str) else method
     is_labeler = hasattr(backend, "set_learned")
@@ -41,19 +41,19 @@ def as_backend(method: object) -> Backend:
 @public_options
 @dataclass(frozen=True)
 class PlaceMethod:
-    """A backend and which unary it is given.
+    """A backend and the kind of unary that it labels.
 
     Parameters
     ----------
     backend : Backend or str
         Any method of :mod:`pgm_places.inference.backends`, or its name.
     unary : {"auto", "laser", "context", "laser+space", "space", "floor"}
-        The list on laser features alone (the paper's), the one that also sees its neighbourhood,
-        the one that also sees segments, gates and places (``space``), the geometric mean of this
-        one and the first, or the one with spaces together with networks that see the whole floor.
-        ``auto`` is what :class:`~pgm_places.labelers.place_labeler.PlaceLabeler` says for all
-        methods, so that exchanging the method changes one thing: by default, the best by held-out
-        scores.
+        Scores of the list on laser features (``laser``, the paper's), of the list with the features
+        of the neighbourhood (``context``), of the list with space features (``space``), the
+        geometric mean of ``laser`` and ``space``, or ``space`` fused with floor networks
+        (``floor``). ``auto`` is the choice of
+        :class:`~pgm_places.labelers.place_labeler.PlaceLabeler` for all methods: by default, the
+        best on held-out scores.
     """
 
     backend: Any
@@ -65,7 +65,7 @@ class PlaceMethod:
 
     @property
     def sees_spaces(self) -> bool:
-        """Whether its unary is made from segments, gates and places."""
+        """Whether its unary uses space features."""
         return sees_spaces((self.unary,))
 
 
@@ -76,12 +76,12 @@ def place_methods(
     has_networks: bool = False,
     unary: Unary = "auto",
 ) -> dict[str, PlaceMethod]:
-    """The methods by name, built, with the unary that each gets: ``auto`` is left to learning.
+    """The methods by name, built, with their unary; ``auto`` is resolved in training.
 
     Raises
     ------
     ConfigError
-        There is none, or one wants scores that the labeler does not compute.
+        There is no method, or one needs scores that the labeler does not compute.
     """
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise ConfigError(f"methods must be a mapping or a list of names, got {quoted(given)}")
@@ -89,8 +89,8 @@ def place_methods(
     if not named:
         raise ConfigError("a labeler needs at least one method")
     methods = {}
-    for name, item in named.items():
-        method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
+    for name, entry in named.items():
+        method = entry if isinstance(entry, PlaceMethod) else PlaceMethod(entry)
         method = with_unary({name: method}, unary)[name]
         missing = ""
         if method.unary == "context" and not has_context:
@@ -109,21 +109,21 @@ def place_methods(
 def with_unary(methods: Mapping[str, PlaceMethod], unary: str) -> dict[str, PlaceMethod]:
     """The methods, with ``unary`` for each method whose unary is "auto"."""
     return {
-        name: replace(item, unary=unary) if item.unary == "auto" else item  # type: ignore[arg-type]
-        for name, item in methods.items()
+        name: replace(method, unary=unary) if method.unary == "auto" else method  # type: ignore[arg-type]
+        for name, method in methods.items()
     }
 
 
 def unfitted(backend: Any) -> Any:
-    """The backend with its options and nothing that it has learned."""
-    learned = [item.name for item in dataclasses.fields(backend) if item.metadata.get("learned")]
+    """The backend with its options, without learned arrays."""
+    learned = [field.name for field in dataclasses.fields(backend) if field.metadata.get("learned")]
     return dataclasses.replace(backend, **dict.fromkeys(learned))
 
 
 def with_edge_kinds(backend: Any) -> Any:
-    """The backend with a weight for each kind of edge, if its edge features are its own choice.
+    """The backend with a weight for each kind of edge, if its edge features are ``auto``.
 
-    For graphs that join nodes of several sorts: neighbours in a map, successive steps, links.
+    For graphs with several kinds of edges: neighbours in a map, successive steps, links.
     """
     if getattr(backend, "edge_features", None) != ("auto",):
         return backend
@@ -131,18 +131,18 @@ def with_edge_kinds(backend: Any) -> Any:
 
 
 def with_shares(backend: Any, truths: Sequence[NDArray[np.int64]], n_labels: int) -> Any:
-    """The backend with the labels' shares in training, if that is what it divides by."""
+    """The backend with the labels' shares in training, if it divides by the prior."""
     learn = getattr(backend, "with_shares", None)
     return backend if learn is None else learn(truths, n_labels)
 
 
 def check_labels_any_graph(name: str, backend: object, what: str) -> None:
-    """Refuse a method for chains where the graph is none, before anything is learned.
+    """Check before training that a method can label graphs other than chains.
 
     Raises
     ------
     ConfigError
-        With the methods that label any graph.
+        The method is for chains; the message lists the methods for any graph.
     """
     if traits_of(backend).chains_only:
         others = [other for other in BACKENDS if not traits_of(METHODS.find(other)).chains_only]
@@ -153,12 +153,12 @@ def check_labels_any_graph(name: str, backend: object, what: str) -> None:
 
 
 def check_labels_maps(name: str, backend: object) -> None:
-    """Refuse a method that cannot label maps, whose neighbours make cycles.
+    """Check that a method can label maps, whose graphs have cycles.
 
     Raises
     ------
     ConfigError
-        The method labels chains only, or its decoder graphs without cycles only.
+        The method is for chains, or its decoder for graphs without cycles.
     """
     check_labels_any_graph(name, backend, "a map")
     decoder = getattr(backend, "inference", None)
@@ -172,7 +172,7 @@ def check_labels_maps(name: str, backend: object) -> None:
 def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
     """A backend's labelling of a problem; with ``truth`` it records its accuracy if it can.
 
-    Evidence holds in it, also where a plug-in knows nothing of evidence.
+    Observed labels are enforced, also for plug-ins that ignore them.
     """
     if truth is not None:
         shape = (problem.graph.n_nodes,)
@@ -188,14 +188,14 @@ def infer_further(
     further: NDArray[np.float64],
     truth: ArrayLike | None = None,
 ) -> Labeling:
-    """The same, with log-likelihoods (N, K) of further observations.
+    """:func:`infer` with log-likelihoods (N, K) of further observations.
 
     Backends with an observation model get them separately; for others they are added to the unary.
     """
     if "further" in inspect.signature(backend.infer).parameters:
         labeling: Labeling = backend.infer(problem, further=further)
         return labeling
-    assert problem.unary is not None  # it is a problem of scores
+    assert problem.unary is not None
     unary = problem.unary + further
     unary = unary - np.logaddexp.reduce(unary, axis=1, keepdims=True)
     return infer(backend, dataclasses.replace(problem, unary=unary), truth)

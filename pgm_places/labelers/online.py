@@ -1,4 +1,4 @@
-"""Online tracking: the belief about the robot's place, updated scan by scan."""
+"""Online tracking: the belief over the robot's place, updated scan by scan."""
 
 from typing import Any
 
@@ -16,20 +16,20 @@ from pgm_places.unary.scan_model import ScanModel, ScanObserver, ScanScorer
 
 
 class BeliefFilter:
-    """A hidden Markov model that counts the steps within ``every_m`` as one observation.
+    """A hidden Markov filter whose observations are segments of length ``every_m``.
 
-    Within a segment the observation is the mean of the list's probabilities so far, on top of the
-    belief at the end of the segment before: a robot that stands still does not count the same
-    evidence again and again, and still has an up-to-date belief after every scan.
+    The observation of a segment is the mean of the list's probabilities so far. It updates the
+    belief at the end of the previous segment. So a robot that stands still does not count the same
+    evidence repeatedly, and the belief is up to date after every scan.
 
     Parameters
     ----------
     model : HiddenMarkovModel
         Fitted.
     every_m : float
-        Distance in metres that ends a segment.
+        Length of a segment (m).
     map_prior : MapPrior, optional
-        What a labelled map says of the positions; as of the observation, the mean over a segment.
+        Label probabilities at positions, from a labelled map; averaged over a segment.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class BeliefFilter:
     ) -> None:
         self._model, self._map_prior = model, map_prior
         self._gate = DistanceTrigger(every_m)
-        self._before: Any = None  # the model's state at the end of the segment before
+        self._before: Any = None  # the model's state at the end of the previous segment
         self._state: Any = None
         self._sum: NDArray[np.float64] | None = None
         self._map_sum: NDArray[np.float64] | None = None
@@ -45,19 +45,19 @@ class BeliefFilter:
         self._moved_m = float("inf")
 
     def use_map(self, map_prior: PositionPrior | None) -> None:
-        """Ask another labelled map from the next step on, as when the map has grown.
+        """Use another labelled map from the next step on, for instance after an update of the map.
 
-        What the one before said of the current segment is forgotten, its effect on the segments
-        before stays.
+        Probabilities of the previous map are discarded for the current segment, not for earlier
+        ones.
         """
         self._map_prior, self._map_count = map_prior, 0
         if self._map_sum is not None:
             self._map_sum = np.zeros_like(self._map_sum)
 
     def step(self, x: float, y: float, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K,) belief after the list said ``log_z`` (K,) of a scan taken at (x, y) in metres.
+        """(K,) belief after a scan at (x, y) (m) with log-probabilities ``log_z`` (K,).
 
-        NaN says that nothing was observed.
+        NaN means no observation.
         """
         return self._step(x, y, log_z)[0]
 
@@ -86,11 +86,11 @@ class BeliefFilter:
         return belief, possible
 
     def choose(self, belief: NDArray[np.float64]) -> int:
-        """The label that a step with this belief (K,) is given."""
+        """The index of the label chosen for a belief (K,)."""
         return int(self._model.choose(belief[None])[0])
 
     def run(self, poses: NDArray[np.float64], scores: NDArray[np.float64]) -> Labeling:
-        """Labels and beliefs along a whole trajectory: poses (T, 3) and log z (T, K)."""
+        """Labels and beliefs along a trajectory: poses (T, 3) and log z (T, K)."""
         beliefs, possible = np.empty(scores.shape), np.empty(len(scores), np.bool_)
         for t, ((x, y), row) in enumerate(zip(poses[:, :2].tolist(), scores, strict=True)):
             beliefs[t], possible[t] = self._step(x, y, row)
@@ -100,7 +100,7 @@ class BeliefFilter:
 
 
 def filter_of(labeler: Any, map_prior: MapPrior | None = None) -> BeliefFilter:
-    """The filter of a fitted TrajectoryLabeler, whose method is a hidden Markov model."""
+    """The filter of a fitted TrajectoryLabeler with a hidden Markov model as method."""
     if not isinstance(labeler.method_, HiddenMarkovModel):
         raise InputError(
             f"{type(labeler.method_).__name__} labels whole trajectories; online labelling needs "
@@ -112,14 +112,14 @@ def filter_of(labeler: Any, map_prior: MapPrior | None = None) -> BeliefFilter:
 
 
 class OnlineLabeler:
-    """Labels one robot's scans as they come in; made by :meth:`TrajectoryLabeler.online`.
+    """Labels the scans of one robot online; made by :meth:`TrajectoryLabeler.online`.
 
     Attributes
     ----------
     label_names : tuple of K str
         The columns of beliefs.
     n_steps : int
-        Scans so far.
+        Number of scans so far.
     """
 
     def __init__(
@@ -135,26 +135,26 @@ class OnlineLabeler:
         self.n_steps = 0
 
     def choose(self, belief: NDArray[np.float64]) -> int:
-        """The label that a step with this belief (K,) is given: the index of its name."""
+        """The index of the label chosen for a belief (K,)."""
         return self._filter.choose(belief)
 
     def use_map(self, map_prior: PositionPrior | None) -> None:
-        """Ask another labelled map, in the frame of the poses, from the next scan on."""
+        """Use another labelled map, in the frame of the poses, from the next scan on."""
         self._filter.use_map(map_prior)
 
     def step(
         self, scan: Scan, pose: ArrayLike | None = None, *, extra: ArrayLike | None = None
     ) -> NDArray[np.float64]:
-        """(K,) probability of each label after one more scan.
+        """(K,) probability of each label after a further scan.
 
         Parameters
         ----------
         scan : Scan
-            Of the laser that this labeler was made for.
+            From the laser that this labeler was made for.
         pose : (3,) float, optional
-            x, y in metres and heading in radians, where the scan's own is not the one to use.
+            x, y in metres and heading in radians, instead of the scan's pose.
         extra : (D,) float, optional
-            The columns in addition to the laser's that the model was trained with.
+            Additional feature columns, if the model was trained with any.
 
         Raises
         ------
@@ -169,9 +169,9 @@ class OnlineLabeler:
                 f"{scan.geometry}; make another with online(scan.geometry)"
             )
         where = scan.pose if pose is None else np.asarray(pose, np.float64)
-        seen = self._observer.add(where, scan.ranges_m)
-        log_z = self._scorer.log_proba(seen.circles_m, extra, seen.spaces)
-        if self._floor is not None and seen.floor is not None:
-            log_z = with_local_floor(log_z, seen.floor, self._floor)
+        view = self._observer.add(where, scan.ranges_m)
+        log_z = self._scorer.log_proba(view.circles_m, extra, view.spaces)
+        if self._floor is not None and view.floor is not None:
+            log_z = with_local_floor(log_z, view.floor, self._floor)
         self.n_steps += 1
         return self._filter.step(float(where[0]), float(where[1]), log_z)

@@ -1,4 +1,4 @@
-"""PlaceLabeler: labels the places of a map; the class that most users need."""
+"""PlaceLabeler: learns from labelled maps and labels other maps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 
-if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
+if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does not need it
     from pgm_places.models.decision_list import DecisionListClassifier
     from pgm_places.models.hmm import HiddenMarkovModel
     from pgm_places.unary.learning import LearnedUnary
@@ -59,63 +59,61 @@ class PlaceLabeler(Labeler):
     label_names : sequence of K str
         The places to distinguish, for example ``("corridor", "room", "doorway")``.
     methods : mapping of str to PlaceMethod, backend, or name; or sequence of names
-        The methods to learn, by the name they are asked for later.
+        The methods by name.
     unary : {"auto", "laser", "context", "laser+space", "space", "floor"}
-        What methods are given that do not say it: see :class:`PlaceMethod`. ``auto`` chooses by
+        Unary of methods with ``unary="auto"``: see :class:`PlaceMethod`. ``auto`` chooses by
         balanced accuracy on held-out training cells (:mod:`pgm_places.unary.choice`).
     sensor : Sensor
         The simulated range sensor.
     classifier : DecisionListClassifier, optional
-        The unfitted list with its options; its order may also be ``"rarest-first"``, which is
-        what the default one does.
+        The unfitted list; its order may also be ``"rarest-first"``, the default.
     connectivity : {8, 4}
         Neighbours of a cell.
     context_m : tuple of float
-        Half-widths in metres of the windows of the second list; () to do without.
+        Half-widths of the windows of the list with context features (m); () for no such list.
     space : SpaceOptions, optional
-        The list that also sees segments, gates and places; None to do without.
+        Options of the list with space features; None for no such list.
     learn_on : {"out-of-fold", "in-sample"}
-        Which scores the methods are trained on.
+        Scores that the methods are trained on.
     n_folds, n_node_features, max_examples_per_map : int
         See :class:`pgm_places.unary.learning.UnaryLearner`.
     features : sequence of features or names
-        Custom columns that the lists use in addition to the laser's: see
+        Custom feature columns of the lists besides the laser features: see
         :mod:`pgm_places.features.custom`.
     halls : {"corridor", "room", "hall"}
-        What halls are labelled, where ``hall`` is one of the labels beside ``corridor`` and
-        ``room``. A fitted labeler changes its mind by ``with_options(halls="hall")``.
+        Label of halls, if the labels are ``corridor``, ``room`` and ``hall``. It can be changed
+        after fitting: ``with_options(halls="hall")``.
     whole_spaces : bool
-        Whether borders between ``corridor`` and ``room`` run along openings of segments where
-        little speaks for two spaces, for methods that see segments: see
+        Whether borders between ``corridor`` and ``room`` are moved to openings of segments, unless
+        there is strong evidence for both, for methods with space features: see
         :mod:`pgm_places.labelers.space_consistency`.
     doorway_depth_m : float, optional
-        How deep doorways with gates are labelled along the passage, for methods that see gates; by
-        default as in the maps that were learned from: see
-        :mod:`pgm_places.labelers.place_problem`.
+        Depth of doorways at gates along the passage (m), for methods with space features; by
+        default as in the training maps: see :mod:`pgm_places.labelers.place_problem`.
     floor : FloorModel, optional
-        Networks that see the whole floor, for methods with ``unary = "floor"``:
-        :func:`pgm_places.trained.trained_floor` are those that ship with the package. They should
-        not have seen the maps that methods learn from.
+        Floor networks, for methods with ``unary = "floor"``;
+        :func:`pgm_places.trained.trained_floor` returns the shipped ones. They should not have been
+        trained on the maps that the methods are fitted on.
 
     Attributes
     ----------
     label_names_ : tuple of K str
-        The labels of its results: those that were learned, halls as ``halls`` has them.
+        The labels of results: the learned labels, with halls according to ``halls``.
     unary_model_ : UnaryModel
-        The lists: what is known of a cell before its neighbours are asked.
+        The lists and networks that score cells before inference.
     methods_ : dict of str to PlaceMethod
-        The fitted methods, each with the unary that it learned on.
+        The fitted methods, each with its unary.
     learn_seconds_ : dict of str to float
-        How long each method took to learn; empty in a stored model.
+        Training time of each method (s); empty in a stored model.
     resolution_m_ : float
-        Side of the training maps' cells; learned weights belong to it.
+        Resolution of the training maps, at which the learned weights are valid.
     movement_ : HiddenMarkovModel or None
-        Which place follows which along a robot's way, and how the list errs, for
-        :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`; None where the labels
-        are too sparse to drive from one to the next.
+        Transitions of a simulated robot and confusions of the list, for
+        :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`; None if the labelled
+        cells are too sparse for a drive.
     unary_choice_ : UnaryChoice or None
-        The unary that ``auto`` chose, and the held-out balanced accuracy of each; None where all
-        methods said theirs, and in models of earlier versions.
+        The unary that ``auto`` chose, and the held-out balanced accuracy of each candidate; None
+        if all methods set their unary, and in models of earlier versions.
 
     Examples
     --------
@@ -158,18 +156,18 @@ class PlaceLabeler(Labeler):
     _call_first: ClassVar[str] = "fit(maps)"
 
     def check_options(self) -> None:
-        """Refuse options that are not understood; :meth:`fit` does so before anything else.
+        """Check the options, as :meth:`fit` does first.
 
         Raises
         ------
         ConfigError
-            An option is not understood, or a method cannot label maps.
+            An option is invalid, or a method cannot label maps.
         """
         super().check_options()
         as_features(self.features)
         for name, method in self.resolved_methods().items():
             check_labels_maps(f"method {name!r}", method.backend)
-            # Classes that were taught later have scores of the list alone.
+            # Classes added by teaching have only scores of the list.
             if method.unary == "floor" and self.floor is not None and -1 not in self.floor.columns:
                 names = tuple(self.label_names)
                 halls = HallNames.among(names)
@@ -183,19 +181,19 @@ class PlaceLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
-        """The labeler itself, fitted: the lists, then every method that learns, on the same maps.
+        """Fit the lists, then the methods, on the same maps; returns the labeler itself.
 
-        A ``feature_cache`` (:class:`~pgm_places.experiment.feature_cache.FeatureCache`) keeps the
+        A ``feature_cache`` (:class:`~pgm_places.experiment.feature_cache.FeatureCache`) stores the
         laser features of the maps on disk.
 
         Raises
         ------
         ConfigError
-            An option is not understood, or a method cannot label maps.
+            An option is invalid, or a method cannot label maps.
         LabelError
             A label has no example in any map.
         InputError
-            The maps have different resolutions; structured weights do not carry over.
+            The maps have different resolutions, at which weights would differ.
         """
         with thread_limit(n_threads), reporting_to(progress):
             self.learn(maps, feature_cache=feature_cache)
@@ -208,12 +206,12 @@ class PlaceLabeler(Labeler):
         with_scores: bool = False,
         feature_cache: FeatureTables | None = None,
     ) -> "LearnedUnary":
-        """What :meth:`fit` learns of cells on their own, for what learns from it in turn.
+        """:meth:`fit` the labeler, and return the unary model for further training.
 
-        ``with_scores``, that holds what lists that have not seen them say of each map's labelled
-        cells, in the order of ``map.graph(labelled_only=True)``.
+        ``with_scores`` includes held-out scores of each map's labelled cells, in the order of
+        ``map.graph(labelled_only=True)``.
         """
-        from pgm_places.labelers.place_learning import learn_places  # labelling does without it
+        from pgm_places.labelers.place_learning import learn_places  # not needed for labelling
 
         self.check_options()
         unary, learned = learn_places(self, list(maps), with_scores, feature_cache)
@@ -221,7 +219,7 @@ class PlaceLabeler(Labeler):
         return unary
 
     def with_options(self, **params: Any) -> Self:
-        """A copy that has learned the same and labels with other options; see the base class."""
+        """A fitted copy with other options; see :meth:`Labeler.with_options`."""
         other = super().with_options(**params)
         if "halls" in params and hasattr(self, "label_names_"):
             other.label_names_ = shown_names(self.learned_names, self.unary_model_, other.halls)
@@ -229,7 +227,7 @@ class PlaceLabeler(Labeler):
 
     @property
     def learned_names(self) -> tuple[str, ...]:
-        """The labels that the methods know: halls are corridors to them."""
+        """The labels of the methods, which label halls as corridors."""
         self.check_fitted()
         return self.label_names_[: self.unary_model_.n_labels]
 
@@ -246,13 +244,12 @@ class PlaceLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
-        """The graph of the map's free cells (inside ``mask``) and what the lists say of each.
+        """The graph of the map's free cells (inside ``mask``), and their scores before inference.
 
-        Only what the methods want is computed. ``lean`` scores take less memory: in single
-        precision where the methods take that, with the doorways of the map in place of segments,
-        gates and places, unless ``with_spaces`` asks for these. ``known`` (H, W), labels or -1,
-        tells which gates are doorways where it covers them; ``own`` is a table
-        of the nodes' features if they are known.
+        Only the scores needed by ``methods`` are computed. ``lean`` scores take less memory: they
+        have single precision if the methods support it, and doorways instead of segments, gates and
+        places, unless ``with_spaces`` is set. ``known`` (H, W) are observed labels or -1, which
+        accept or reject gates. ``own`` is a table of cached features of the nodes.
         """
         self.check_fitted()
         if known is not None:
@@ -265,9 +262,9 @@ class PlaceLabeler(Labeler):
                 grid,
                 graph,
                 unaries={method.unary for method in chosen},
-                with_node_features=any(item.uses_node_features for item in traits),
+                with_node_features=any(trait.uses_node_features for trait in traits),
                 with_halls=self.halls != "corridor",
-                single=lean and all(item.takes_single_precision for item in traits),
+                single=lean and all(trait.takes_single_precision for trait in traits),
                 with_spaces=not lean if with_spaces is None else with_spaces,
                 known=known,
                 own=own,
@@ -283,7 +280,7 @@ class PlaceLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> LabelingProblem:
-        """The labelling problem that a method is given for a map."""
+        """The labelling problem of a method and a map."""
         name = method or self.default_method
         with thread_limit(n_threads), reporting_to(progress):
             graph, scores = self.scores(grid, mask=mask, methods=[name])
@@ -319,9 +316,9 @@ class PlaceLabeler(Labeler):
         return self.with_halls(infer(chosen.backend, problem, truth), scores.hall)
 
     def with_halls(self, labeling: Labeling, hall: NDArray[np.float32] | None) -> Labeling:
-        """A method's labelling with halls labelled as ``halls`` says.
+        """A method's labelling with halls labelled according to ``halls``.
 
-        ``hall`` (N,) is the probability that a node's circulation is a hall, where it is known.
+        ``hall`` (N,) is the probability that a node in circulation space is in a hall, or None.
         """
         if hall is None:
             return labeling
@@ -330,9 +327,9 @@ class PlaceLabeler(Labeler):
     def hall_probability(
         self, labeling: Labeling, hall: NDArray[np.float32] | None
     ) -> NDArray[np.float32] | None:
-        """(N,) the probability that each node lies in a hall, where halls are shown as corridors.
+        """(N,) the probability that each node is in a hall, if halls are shown as corridors.
 
-        None where they are not, where the model knows no halls, and without beliefs.
+        None if they are not, if the model does not distinguish halls, and without beliefs.
         """
         if hall is None or labeling.beliefs is None or self.halls != "corridor":
             return None
@@ -347,7 +344,7 @@ class PlaceLabeler(Labeler):
         *,
         known: NDArray[np.int64] | None = None,
     ) -> LabelingProblem:
-        """The labelling problem of given scores; ``known`` (N,) holds known labels, or -1."""
+        """The labelling problem of given scores; ``known`` (N,) are observed labels or -1."""
         problem = cells_problem(graph, self.learned_names, scores, method.unary, known)
         if method.unary in ("laser", "context"):
             return problem
@@ -357,30 +354,30 @@ class PlaceLabeler(Labeler):
         )
 
     def doorway_at_gates(self, method: PlaceMethod) -> int | None:
-        """The label that a method keeps to accepted gates, None for none."""
+        """The label that a method restricts to accepted gates, or None."""
         space = self.unary_model_.space
         if not method.sees_spaces or space is None or space.gates is None:
             return None
-        # A list with spaces weighs its doorways by gates itself; networks may see more of them.
+        # A list with space features weights doorways by gates; networks can find other doorways.
         at_gates = method.unary == "floor" or self.doorway_depth_m is not None
         return space.doorway if at_gates else None
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
-        """The accuracy over the labelled cells of all maps together, for searches of options."""
+        """The accuracy over the labelled cells of all maps, for option searches."""
         labelings, truths = [], []
         if not maps:
-            raise InputError("maps must hold at least one LabelledMap, got none")
-        for item in maps:
+            raise InputError("maps must have at least one LabelledMap, got none")
+        for map_ in maps:
             graph, scores = self.scores(
-                item.grid, mask=item.cells, methods=None if method is None else [method]
+                map_.grid, mask=map_.cells, methods=None if method is None else [method]
             )
             labelings.append(self.infer(graph, scores, method=method).labels)
-            truths.append(item.truth(graph))
+            truths.append(map_.truth(graph))
         labels, truth = np.concatenate(labelings), np.concatenate(truths)
         return float(np.mean((labels == truth)[truth >= 0]))
 
     def method(self, name: str | None = None) -> PlaceMethod:
-        """The fitted method of that name, the default one for None; ConfigError if none is."""
+        """The fitted method of a name, by default the last one; ConfigError for other names."""
         name = name or self.default_method
         if name not in self.methods_:
             hint = nearest_name(name, list(self.methods_))
@@ -389,18 +386,18 @@ class PlaceLabeler(Labeler):
 
     @property
     def default_method(self) -> str:
-        """The last method, which is what :meth:`label` uses when none is named."""
+        """The name of the last method, the default of :meth:`label`."""
         self.check_fitted()
         return list(self.methods_)[-1]
 
     @property
     def choices(self) -> dict[str, str]:
-        """What was chosen on training data, in words, by option."""
+        """The options chosen on training data, with a text each."""
         choice: UnaryChoice | None = getattr(self, "unary_choice_", None)
         return {} if choice is None else {"unary": choice.words}
 
     def resolved_methods(self) -> dict[str, PlaceMethod]:
-        """The methods by name, built, each with its unary, or ``auto`` where learning chooses."""
+        """The methods by name, built, with their unary; ``auto`` is resolved in training."""
         return place_methods(
             self.methods,
             bool(self.context_m),

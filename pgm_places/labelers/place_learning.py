@@ -1,11 +1,11 @@
-"""Training the methods of a PlaceLabeler on the labelled cells of maps, from held-out scores."""
+"""Training the methods of a PlaceLabeler on held-out scores of labelled cells."""
 
 import inspect
 import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +31,11 @@ from pgm_places.unary.learning import Halls, LearnedUnary, UnaryLearner
 from pgm_places.unary.map_model import MIXED, CellScores, sees_spaces
 from pgm_places.unary.options import ClassifierOptions
 
-if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
-    from pgm_places.models.hmm import HiddenMarkovModel
-
 
 def confusion_counts(
     truths: Sequence[NDArray[np.int64]], scores: Sequence[NDArray[np.float64]], n_labels: int
 ) -> NDArray[np.int64]:
-    """(K, K) how often the best label of scores (N, K) was the column where the row was true.
+    """(K, K) confusion counts of the best labels of scores (N, K); rows are true labels.
 
     Truths are label indices (N,), -1 where unknown.
 
@@ -48,9 +45,9 @@ def confusion_counts(
     [[1, 0], [1, 0]]
     """
     counts = np.zeros((n_labels, n_labels), np.int64)
-    for truth, part in zip(truths, scores, strict=True):
+    for truth, log_z in zip(truths, scores, strict=True):
         known = np.flatnonzero(truth >= 0)
-        np.add.at(counts, (truth[known], part[known].argmax(axis=1)), 1)
+        np.add.at(counts, (truth[known], log_z[known].argmax(axis=1)), 1)
     return counts
 
 
@@ -64,20 +61,20 @@ def learn_movement(
     n_runs: int = N_RUNS,
     seed: int = 0,
 ) -> HiddenMarkovModel:
-    """A hidden Markov model whose moves are simulated and whose observations are counted.
+    """A hidden Markov model with transitions from simulated moves and counted confusions.
 
     Parameters
     ----------
     maps : sequence of LabelledMap
-        Where the actions MOVE and STAY are simulated.
+        Maps to simulate the actions MOVE and STAY in.
     truths, scores : sequence of (N,) int and (N, K) float
-        What is true and what the list says, at best of examples that it did not learn from.
+        True labels and scores, preferably held-out ones.
     n_labels : int
         K.
     model : HiddenMarkovModel, optional
-        Whose options to take; soft observations by default.
+        Has the options; by default with soft observations.
     n_runs, seed : int
-        As in :func:`pgm_places.sensing.simulated_moves.simulate_moves`.
+        See :func:`pgm_places.sensing.simulated_moves.simulate_moves`.
     """
     return (model or HiddenMarkovModel(observation="soft")).with_counts(
         confusions=confusion_counts(truths, scores, n_labels),
@@ -88,7 +85,7 @@ def learn_movement(
 
 @dataclass(frozen=True, eq=False)
 class LabelledNodes:
-    """The labelled cells of maps as nodes of graphs, with what lists say that have not seen them.
+    """The labelled cells of maps as nodes of graphs, with held-out scores.
 
     Parameters
     ----------
@@ -98,7 +95,7 @@ class LabelledNodes:
     truths : tuple of (N,) int
         Label index of each node.
     scores : list of CellScores or None
-        None for methods that learn from labels alone.
+        None for methods that are trained on labels only.
     """
 
     label_names: tuple[str, ...]
@@ -114,13 +111,13 @@ class LabelledNodes:
         label_names: tuple[str, ...],
         scores: list[CellScores] | None,
     ) -> Self:
-        """Those of maps, with scores in the order of their nodes, if there are any."""
-        graphs = tuple(item.graph(connectivity=connectivity, labelled_only=True) for item in maps)
-        truths = tuple(item.truth(graph) for item, graph in zip(maps, graphs, strict=True))
+        """The labelled cells of maps, with scores in the order of the nodes."""
+        graphs = tuple(map_.graph(connectivity=connectivity, labelled_only=True) for map_ in maps)
+        truths = tuple(map_.truth(graph) for map_, graph in zip(maps, graphs, strict=True))
         return cls(label_names, graphs, truths, scores)
 
     def problems(self, unary: str) -> list[LabelingProblem]:
-        """One per map, with that unary; without scores, all labels are equally likely."""
+        """A problem per map with a unary; without scores, all labels are equally likely."""
         if self.scores is None:
             shapes = [(graph.n_nodes, len(self.label_names)) for graph in self.graphs]
             return [
@@ -128,8 +125,8 @@ class LabelledNodes:
                 for graph, shape in zip(self.graphs, shapes, strict=True)
             ]
         return [
-            cells_problem(graph, self.label_names, part, unary)
-            for graph, part in zip(self.graphs, self.scores, strict=True)
+            cells_problem(graph, self.label_names, scores, unary)
+            for graph, scores in zip(self.graphs, self.scores, strict=True)
         ]
 
 
@@ -144,7 +141,7 @@ def learn_places(
     methods = labeler.resolved_methods()
     wanted = {method.unary for method in methods.values()} - {"auto"}
     candidates = unary_candidates(labeler, maps, halls) if _chooses(methods) else ()
-    if candidates == ("laser",):  # nothing to choose, and nothing to hold out for it
+    if candidates == ("laser",):  # nothing to choose, so no folds are needed
         methods, candidates = with_unary(methods, "laser"), ()
     trained = wanted.union(candidates)
     floor = labeler.floor if "floor" in trained else None
@@ -186,23 +183,23 @@ def learn_places(
 def unary_candidates(
     labeler: Any, maps: Sequence[LabelledMap], halls: Halls | None
 ) -> tuple[str, ...]:
-    """The unaries that a labeler can choose from, first the one to take where none is ahead.
+    """The unaries that a labeler can choose from; the first one is the default in a tie.
 
-    That is ``laser+space``, which is rarely below ``laser`` in unseen buildings, as ``space`` and
-    ``context`` often are after one or two (docs/results.md). Fewer than three buildings cannot say
-    how these do in others: blocks of a building share its spaces, and a list of a single building
-    is not that of two. Where a window leaves out a part of a single building, its spaces are those
-    learned from: ``space``.
+    The default is ``laser+space``. In unseen buildings it is rarely below ``laser``, whereas
+    ``space`` and ``context`` often are after training on one or two buildings (docs/results.md).
+    Fewer than three buildings do not show how these generalise: blocks of a building share its
+    spaces, and a list trained on one building differs from one trained on two. If only a window of
+    a single building is labelled, the rest of the building has the same spaces: ``space``.
     """
     others = ("context",) if labeler.context_m else ()
     with_networks = () if labeler.floor is None else ("floor",)
     if labeler.space is None:
         return ("laser", *others)
     n_buildings = len({*map_buildings(maps)})
-    if n_buildings == 1 and any((item.cells != item.grid.free).any() for item in maps):
+    if n_buildings == 1 and any((map_.cells != map_.grid.free).any() for map_ in maps):
         return ("space", *with_networks)
     with_spaces = (MIXED, "space") if n_buildings > 2 else (MIXED,)
-    # Only spaces tell halls from corridors.
+    # Only space features distinguish halls from corridors.
     on_scans = ("laser",) if halls is None else ()
     with_context = others if halls is None and n_buildings > 2 else ()
     return (*with_spaces, *on_scans, *with_context, *with_networks)
@@ -215,30 +212,34 @@ def _chooses(methods: Mapping[str, PlaceMethod]) -> bool:
 def movement_of(
     maps: Sequence[LabelledMap], unary: LearnedUnary, n_labels: int
 ) -> "HiddenMarkovModel | None":
-    """How a robot moves between the places, None where it cannot get from one to the next."""
+    """The transitions of a simulated robot, or None if the labelled cells are too sparse."""
     try:
         return learn_movement(maps, unary.truths, unary.laser, n_labels)
     except InputError as error:
-        warn(f"this model will label maps, but no trajectories: {error}")
+        warn(f"this model will not label trajectories: {error}")
         return None
 
 
 def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
-    """Whether any method learns from the scores of cells, not from their labels alone."""
-    learners = [item.backend for item in methods.values() if isinstance(item.backend, Learnable)]
+    """Whether any method is trained on scores of cells, not only on their labels."""
+    learners = [
+        method.backend for method in methods.values() if isinstance(method.backend, Learnable)
+    ]
     return not all(traits_of(backend).learns_from_labels for backend in learners)
 
 
 def learn_methods(
     methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, held_out: bool
 ) -> tuple[dict[str, PlaceMethod], dict[str, float]]:
-    """The methods fitted, and how long each took, in s; those that learn nothing get the shares.
+    """The fitted methods, and the training time of each (s).
 
-    Methods that learn the same are fitted once, and the first of them has the seconds. With scores
-    that were held out, beliefs are calibrated, too.
+    Methods without training get the labels' shares. Methods with the same training are fitted once,
+    and the time counts for the first of them. Held-out scores are used to calibrate beliefs.
     """
     fitted, seconds = dict(methods), {}
-    shared = learned_with({name: (item.backend, item.unary) for name, item in methods.items()})
+    shared = learned_with(
+        {name: (method.backend, method.unary) for name, method in methods.items()}
+    )
     for name, method in methods.items():
         if name in shared:
             backend = as_fitted(method.backend, fitted[shared[name]].backend)
@@ -262,26 +263,26 @@ def learn_methods(
 def without_halls(
     maps: Sequence[LabelledMap], names: tuple[str, ...]
 ) -> tuple[list[LabelledMap], tuple[str, ...], Halls | None]:
-    """Maps whose halls are corridors, the labels that are left, and which cells were halls."""
+    """The maps with halls as corridors, the remaining labels, and the cells of halls."""
     hall_names = HallNames.among(names)
     if hall_names is None:
         return list(maps), names, None
-    are_halls = np.concatenate([hall_names.are_halls(item) for item in maps])
+    are_halls = np.concatenate([hall_names.are_halls(map_) for map_ in maps])
     left = hall_names.folded
-    return [hall_names.fold(item) for item in maps], left, Halls(left.index("corridor"), are_halls)
+    return [hall_names.fold(map_) for map_ in maps], left, Halls(left.index("corridor"), are_halls)
 
 
 def common_resolution(maps: Sequence[LabelledMap]) -> float:
-    """Side of all maps' cells in metres.
+    """The resolution of all maps (m).
 
     Raises
     ------
     InputError
-        They differ by more than a thousandth.
+        Resolutions differ by more than a thousandth.
     """
-    sizes: NDArray[np.float64] = np.array([item.grid.resolution_m for item in maps])
+    sizes: NDArray[np.float64] = np.array([map_.grid.resolution_m for map_ in maps])
     if not np.allclose(sizes, sizes[0], rtol=1e-3, atol=0.0):
-        listed = ", ".join(f"{item.name} {item.grid.resolution_m:g} m" for item in maps)
+        listed = ", ".join(f"{map_.name} {map_.grid.resolution_m:g} m" for map_ in maps)
         raise InputError(
             f"training maps must have one resolution, got {listed}; "
             "set resolution_m to coarsen them"
@@ -295,13 +296,13 @@ def _fitted(
     truths: Sequence[NDArray[np.int64]],
     stage: Stage,
 ) -> Any:
-    """The fitted backend; one that reports its iterations is shown to do so."""
+    """The fitted backend; its iterations are reported to the stage."""
     if "on_iteration" not in inspect.signature(backend.fit).parameters:
         return backend.fit(problems, truths)
 
     def show(step: Any) -> None:
         gap = max(float(step.gap), 1e-6)
-        # Learners close the gap about geometrically: show its logarithm, down to 0.1 %.
+        # The gap shrinks about geometrically: show its logarithm, down to 0.1 %.
         fraction = min(max(-math.log10(gap) / 3, 0.0), 1.0)
         stage.update(fraction, f"gap {100 * gap:.2g} %, {step.n_cuts} cuts")
 

@@ -1,4 +1,4 @@
-"""What a method of a PlaceLabeler is given to label: the cells of a map with their scores."""
+"""The labelling problem of a map's cells, with the evidence of gates and spaces."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,14 @@ from pgm_places.unary.options import HallsAs
 from pgm_places.unary.space_model import log_sum
 
 _AT_GATE = {"wider_m": 0.3, "deeper_m": 1.0}
-"""Cells so far beside, and before or behind, a gate may be its doorway."""
+"""Margins around a gate, to the sides and along its heading, in which cells may be its doorway."""
 
 DOORWAY_DEPTH_M = 0.84
-"""Doorways are rarely deeper: they are drawn 0.8 m deep, and cells count by their centres."""
+"""Largest usual depth of doorways: they are drawn 0.8 m deep, and cells count by their centres."""
 
 _AWAY, _NEAR, _MIDDLE = np.log([0.02, 0.4, 1.0]).tolist()
-"""What is added to a doorway's log-odds where there is no gate, near one, and in its middle; the
-depth and the share near it were chosen on drawn floors held out (docs/notes/tried.md)."""
+"""Added to the log-odds of a doorway away from gates, near a gate, and in its middle; chosen on
+held-out drawn floors (docs/notes/tried.md)."""
 
 _SURE = 0.5
 
@@ -46,13 +46,13 @@ def doorways_at_gates(
     depth_m: float | None = None,
 ) -> NDArray[np.float64]:
     """The scores of cells with doorways at gates, by :func:`doorway_log_odds`."""
-    part, added = _parts_of_gates(log_z, doorways, layout, doorway, depth_m)
+    zone, added = _gate_zones(log_z, doorways, layout, doorway, depth_m)
     changed = np.empty_like(log_z)
     for first in range(0, len(log_z), ROWS_AT_ONCE):
-        some = slice(first, first + ROWS_AT_ONCE)
-        changed[some] = log_z[some]
-        beyond = first + np.flatnonzero(added[part[some]])
-        changed[beyond, doorway] += added[part[beyond]]
+        block = slice(first, first + ROWS_AT_ONCE)
+        changed[block] = log_z[block]
+        beyond = first + np.flatnonzero(added[zone[block]])
+        changed[beyond, doorway] += added[zone[beyond]]
         changed[beyond] -= log_sum(changed[beyond], doorway)[:, np.newaxis]
     return changed
 
@@ -64,46 +64,46 @@ def doorway_log_odds(
     doorway: int,
     depth_m: float | None = None,
 ) -> NDArray[np.float64]:
-    """(N,) what is added to the log-odds of a doorway, by where the accepted gates are.
+    """(N,) the change of a doorway's log-odds by the positions of accepted gates.
 
-    The odds are multiplied by 0.02 wherever a cell is more than 1 m before or behind each gate, or
-    more than 0.3 m beside it, and by 0.4 near a gate, but farther than 0.42 m from its middle along
-    its heading. Where a depth is given, they are multiplied by 0.02 farther than half the depth
-    from the middle. Where the cells within are no likely doorway (a mean probability of at most a
-    half) but others around the gate are, the gate lies beside its doorway, and the middle is that
-    of the likely cells. Where a cell is about equally far from two gates of a probability of at
-    least 0.8, the odds are multiplied by 0.0001, so that doorways side by side do not touch.
+    The odds are multiplied by 0.02 for cells away from gates: more than 1 m along the heading of
+    each gate, or more than 0.3 m to its sides. They are multiplied by 0.4 near a gate, but more
+    than 0.42 m from its middle along its heading. With ``depth_m``, they are multiplied by 0.02
+    more than half the depth from the middle. If the cells in the middle are no likely doorway (a
+    mean probability of at most a half), but other cells near the gate are, the middle is moved to
+    these cells. For cells about equally far from two gates with a probability of at least 0.8, the
+    odds are multiplied by 0.0001, so that adjacent doorways do not touch.
 
     Parameters
     ----------
     log_z : (N, K) float
         Log-probabilities.
     doorways : Doorways
-        The gates that count.
+        The accepted gates.
     layout : GridLayout
     doorway : int
         The label of doorways.
     depth_m : float, optional
-        How deep doorways are to be; by default as networks and list see them.
+        Depth of doorways (m); by default as scored.
     """
-    part, added = _parts_of_gates(log_z, doorways, layout, doorway, depth_m)
-    return np.asarray(added[part])
+    zone, added = _gate_zones(log_z, doorways, layout, doorway, depth_m)
+    return np.asarray(added[zone])
 
 
-def _parts_of_gates(
+def _gate_zones(
     log_z: NDArray[np.float64],
     doorways: Doorways,
     layout: GridLayout,
     doorway: int,
     depth_m: float | None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """(N,) parts of cells, and (4,) what each adds.
+    """(N,) zones of cells, and (4,) log-odds of each zone.
 
-    Cells are away from gates (0), near one (1), in its middle (2), or between two (3).
+    The zones are away from gates (0), near one (1), in its middle (2), and between two (3).
     """
     added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE, _PARTED])
     half_m = (DOORWAY_DEPTH_M if depth_m is None else depth_m) / 2
-    part = np.zeros(len(log_z), np.uint8)
+    zone = np.zeros(len(log_z), np.uint8)
     for gate in doorways.gates:
         cells = gate.cells(doorways.grid, **_AT_GATE)
         node = layout.nodes_at(cells)
@@ -116,10 +116,10 @@ def _parts_of_gates(
         likely = probability > _SURE
         if likely.any() and not (inside.any() and probability[inside].mean() > _SURE):
             inside = np.abs(along - along[likely].mean()) <= half_m
-        part[node] = np.maximum(part[node], 1 + inside)
+        zone[node] = np.maximum(zone[node], 1 + inside)
     between = layout.nodes_at(_between_gates(doorways))
-    part[between[between >= 0]] = 3
-    return part, added
+    zone[between[between >= 0]] = 3
+    return zone, added
 
 
 def _between_gates(doorways: Doorways) -> NDArray[np.int64]:
@@ -150,7 +150,7 @@ def _distance(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _along(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,) how far points (n, 2) lie behind the middle of a gate, along its heading (m)."""
+    """(n,) signed distance of points (n, 2) from a gate's middle along its heading (m)."""
     heading = [np.cos(gate.heading_rad), np.sin(gate.heading_rad)]
     return np.asarray((points_m - gate.centre_m) @ heading)
 
@@ -167,7 +167,7 @@ def cells_problem(
     unary: str,
     known: NDArray[np.int64] | None = None,
 ) -> LabelingProblem:
-    """The problem of the cells; ``unary`` is ``laser``, ``context``, ``space`` or ``floor``."""
+    """The problem of cells with the scores ``unary``: ``laser``, ``context``, ``space`` ..."""
     features = None
     if scores.node_features is not None:
         features = freeze(np.asarray(scores.node_features, np.float64))
@@ -180,7 +180,7 @@ def accepted_doorways(
     scores: CellScores,
     known: NDArray[np.int16] | None = None,
 ) -> Doorways | None:
-    """The accepted gates of a map that a model has scored; None where it knows no gates."""
+    """The accepted gates of a scored map; None if the model does not use gates."""
     space = model.space
     if scores.doorways is not None or space is None or space.gates is None:
         return scores.doorways
@@ -196,10 +196,9 @@ def apply_space_evidence(
     *,
     whole_spaces: bool,
 ) -> LabelingProblem:
-    """The problem with doorways at gates alone, and with whole spaces, where these are seen.
+    """The problem with doorways restricted to gates, and labels made consistent within spaces.
 
-    ``unary_name`` is the unary of the problem, ``doorway`` the label to keep to gates, None for
-    none.
+    ``unary_name`` is the unary of the problem, ``doorway`` the label to restrict to gates, or None.
     """
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map

@@ -14,11 +14,11 @@ from pgm_places.unary.options import ClassifierOptions
 Preset = Literal["paper", "paper-noise"]
 
 ANY_METHOD = "*"
-"""What stands for the name of any method in a key."""
+"""Placeholder for any method's name in a key."""
 
 
 class _Value(NamedTuple):
-    """An option by its dotted key, its value, and the kinds of nodes that have it."""
+    """An option's dotted key, its value, and the kinds of nodes that it applies to."""
 
     key: str
     value: Any
@@ -49,14 +49,14 @@ _PRESETS: Mapping[str, tuple[_Value, ...]] = {"paper": _PAPER, "paper-noise": _P
 
 
 def preset_values(preset: str, nodes: str = "cells") -> dict[str, Any]:
-    """The values of a preset by dotted key; ``methods.*.unary`` is of every method.
+    """The values of a preset by dotted key; ``methods.*.unary`` applies to every method.
 
     Parameters
     ----------
     preset : {"paper", "paper-noise"}
         The options of the paper's experiments, without or with noise of the simulated laser.
     nodes : {"cells", "steps", "both", "graph"}
-        What is labelled: options that it does not have are left out.
+        Kind of nodes to label; options that do not apply to it are omitted.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def preset_values(preset: str, nodes: str = "cells") -> dict[str, Any]:
     """
     if preset not in _PRESETS:
         raise ConfigError(f"no preset {preset!r}. {nearest_name(preset, get_args(Preset))}")
-    return {item.key: item.value for item in _PRESETS[preset] if nodes in item.nodes}
+    return {entry.key: entry.value for entry in _PRESETS[preset] if nodes in entry.nodes}
 
 
 def preset_place_labeler(
@@ -88,8 +88,8 @@ def preset_place_labeler(
     methods : sequence of str
         Names of methods.
     **options
-        Further options of :class:`~pgm_places.labelers.place_labeler.PlaceLabeler`; those that the
-        preset sets as well are taken from here.
+        Further options of :class:`~pgm_places.labelers.place_labeler.PlaceLabeler`, which override
+        the preset.
 
     Raises
     ------
@@ -121,8 +121,8 @@ def preset_trajectory_labeler(
     method : str
         The name of the method.
     **options
-        Further options of :class:`~pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`; those
-        that the preset sets as well are taken from here.
+        Further options of :class:`~pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`, which
+        override the preset.
 
     Raises
     ------
@@ -151,8 +151,8 @@ def _shared(values: Mapping[str, Any], names: Sequence[str], sensor: Sensor) -> 
 
 def _table(values: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The options of a table without its name."""
-    parts = {key.rpartition("."): value for key, value in values.items()}
-    return {option: value for (table, _, option), value in parts.items() if table == name}
+    split_keys = {key.rpartition("."): value for key, value in values.items()}
+    return {option: value for (table, _, option), value in split_keys.items() if table == name}
 
 
 def _method(values: Mapping[str, Any], name: str) -> Any:

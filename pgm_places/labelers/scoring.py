@@ -1,4 +1,4 @@
-"""Scorers for scikit-learn's searches and cross validation over lists of problems."""
+"""Scorers for scikit-learn's searches and cross-validation over lists of problems."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,14 +13,14 @@ Scorer = Callable[[Any, Sequence[LabelingProblem], Sequence[NDArray[np.int64]]],
 
 
 def node_scorer(metric: str | Callable[..., float] = "accuracy") -> Scorer:
-    """A scorer over the labelled nodes of all problems together, for ``scoring=``.
+    """A scorer over the labelled nodes of all problems, for ``scoring=``.
 
-    scikit-learn's own scorers want one label a sample, where a labeler has an array a problem.
+    scikit-learn's scorers expect one label per sample; a labeler has an array per problem.
 
     Parameters
     ----------
     metric : str or callable
-        A name of scikit-learn that scores predicted labels (``accuracy``, ``balanced_accuracy``,
+        One of scikit-learn's scorers of predicted labels (``accuracy``, ``balanced_accuracy``,
         ``f1_macro``, ``matthews_corrcoef``), or a function of true and predicted labels (M,).
 
     Examples
@@ -41,22 +41,22 @@ def node_scorer(metric: str | Callable[..., float] = "accuracy") -> Scorer:
     def scored(labeler: Any, X: Sequence[LabelingProblem], y: Sequence[NDArray[np.int64]]) -> float:
         pairs = labelled_problems(X, numbered(X, y)[0])
         truth = np.concatenate([labels for _, labels in pairs])
-        found = np.concatenate(numbered(X, labeler.predict(X))[0])
+        predicted = np.concatenate(numbered(X, labeler.predict(X))[0])
         known = truth >= 0
-        return float(_of_labels(metric)(truth[known], found[known]))
+        return float(_of_labels(metric)(truth[known], predicted[known]))
 
     return scored
 
 
 def _of_labels(metric: str | Callable[..., float]) -> Callable[..., float]:
-    """The function of true and predicted labels that a name stands for, larger is better."""
+    """The metric of a name as a function of true and predicted labels; larger is better."""
     if callable(metric):
         return metric
     from sklearn.metrics import get_scorer
 
     scorer: Any = get_scorer(metric)
 
-    def score(truth: NDArray[np.int64], found: NDArray[np.int64]) -> float:
-        return float(scorer._score_func(truth, found, **scorer._kwargs) * scorer._sign)
+    def score(truth: NDArray[np.int64], predicted: NDArray[np.int64]) -> float:
+        return float(scorer._score_func(truth, predicted, **scorer._kwargs) * scorer._sign)
 
     return score

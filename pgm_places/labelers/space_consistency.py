@@ -14,19 +14,19 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.cell_features import NodeSegments
 
 _PAIR = ("corridor", "room")
-"""Only these change places: doorways keep their cells, and other labels need not follow spaces."""
+"""The labels that are changed; doorways and other labels are not."""
 
 _INSIDE, _RIBBON, _OPENING = 4.0, 2.0, 1.0
-"""What a metre of border costs inside a segment, along the openings of a ribbon, and along others,
-in nats times square metres: the evidence of a cell counts by its area. Chosen on half of the
-buildings (docs/notes/tried.md)."""
+"""Cost of a metre of border inside a segment, along the openings of a ribbon, and along others, in
+nats times square metres, as evidence of cells is weighted by area. Chosen on half of the buildings
+(docs/notes/tried.md)."""
 
 _BESIDE_KNOWN = 8.0
-"""Border cost beside known cells without a doorway between: a painted part means all of it."""
+"""Border cost at observed cells without a doorway between: paint on a part stands for all of it."""
 
 _ROOM_IN_RIBBON = 0.1
-"""What evidence for a room counts in a ribbon: where nothing is mapped beside it, it looks closed
-on all sides; what it leads to says more."""
+"""Weight of evidence for a room in a ribbon. With unmapped surroundings, a ribbon looks closed on
+all sides; the spaces that it leads to are better evidence."""
 
 _CORRIDOR_IN_WIDE = 0.1
 """What evidence for a corridor counts in a wide segment of a place that is no sure corridor: lanes
@@ -36,13 +36,13 @@ _SURE_CORRIDOR = 2.0
 """Log-odds of corridor over room that half of the cells of a sure corridor exceed."""
 
 _SHARE = np.log([0.65, 0.35])
-"""The new and the old label of cells that change, of what both had: about as many are right."""
+"""Shares of the new and the old label in their joint probability, for changed cells."""
 
 _KNOWN = 1e9
-"""What a known cell says for its label: more than all others."""
+"""Evidence of an observed cell for its label: more than all others."""
 
 _CITY_BLOCK = np.pi / 4
-"""The length of a line over the number of cell sides along it, in the mean of all directions."""
+"""Mean ratio of a line's length to the length of the cell sides along it, over all directions."""
 
 
 def smooth_over_spaces(
@@ -55,41 +55,40 @@ def smooth_over_spaces(
     *,
     weigh_wide: bool = False,
 ) -> NDArray[np.float64]:
-    """The scores of cells, those of parts that saw a space in two given to the label around them.
+    """The scores of cells, with consistent labels corridor and room within segments.
 
-    Connected cells of one segment and one label, corridor or room, are a *part*. The labels of all
-    parts maximise the evidence of their cells less the length of the borders between both labels,
-    which costs more within a segment than along an opening: an exact minimum cut. So a border in
-    open space moves to an opening of its segment, or goes, unless much speaks for both sides. In
-    ribbons, evidence for a room counts a tenth: one that continues a corridor is corridor. With
-    ``weigh_wide``, evidence for a corridor counts a tenth in wide segments, unless at least half of
-    the cells of their place have log-odds of a corridor above 2: an open space is one place.
+    Connected cells of one segment and one label, corridor or room, are a *part*. The new labels of
+    all parts maximise the evidence of their cells minus the cost of borders between both labels,
+    which is higher within a segment than along an opening: an exact minimum cut. So a border in
+    open space moves to an opening of its segment or disappears, unless there is strong evidence on
+    both sides. In ribbons, evidence for a room is weighted by 0.1, so that ribbons which continue a
+    corridor become corridor. With ``weigh_wide``, evidence for a corridor is weighted by 0.1 in
+    wide segments, unless at least half of the cells of their place have log-odds of a corridor
+    above 2: an open space is one place.
 
     Parameters
     ----------
     log_z : (N, K) float
-        Log-probabilities; the array itself comes back where nothing changes.
+        Log-probabilities; returned itself if nothing changes.
     segments : NodeSegments
-        Those that the cells lie in.
+        The segments of the cells.
     layout : GridLayout
-        Of the N cells.
+        The N cells.
     label_names : tuple of K str
-        Without both corridor and room among them nothing changes.
+        If corridor or room is missing, nothing changes.
     known : (N,) int, optional
-        Labels of the cells that are known, -1 elsewhere: their parts keep them, and borders along
-        them cost most.
+        Observed labels, -1 elsewhere: their parts do not change, and borders at them cost most.
     place : (N,) int, optional
-        The place between doorways that each cell is in, -1 for none: known cells do not pull those
-        of others.
+        The place between doorways of each cell, or -1; observed cells influence only their own.
     weigh_wide : bool
-        Whether wide segments are weighed by their place.
+        Whether evidence in wide segments is weighted by their place.
     """
     if not set(_PAIR) <= set(label_names):
         return log_z
     pair = [label_names.index(name) for name in _PAIR]
     label = np.empty(len(log_z), np.int16)
-    for some in row_blocks(len(log_z)):
-        label[some] = log_z[some].argmax(axis=1)
+    for block in row_blocks(len(log_z)):
+        label[block] = log_z[block].argmax(axis=1)
     if known is not None:
         np.copyto(label, known, where=known >= 0, casting="unsafe")
     in_wide = np.zeros(len(segments.is_wide), np.bool_)
@@ -104,7 +103,7 @@ def smooth_over_spaces(
             layout.to_raster(known >= 0, fill=False), layout.to_raster(number, fill=-1)
         )
     changed = np.append(parts.changed(parts.sums(log_z, part, pair, known), pulls), False)
-    moves = changed[part]  # -1, for none, is the last
+    moves = changed[part]  # index -1, for no part, is the last entry
     if known is not None:
         moves &= known < 0
     return _moved(log_z, np.flatnonzero(moves), label, pair)
@@ -132,37 +131,20 @@ def _wide_and_unsure(
 
 
 class _KnownBorders(NamedTuple):
-    """Which sides of cells known labels pull across.
-
-    Parameters
-    ----------
-    known : (H, W) bool
-    place : (H, W) int
-    """
+    """Observed cells and the place of each cell, to find borders that observed labels influence."""
 
     known: NDArray[np.bool_]
     place: NDArray[np.integer]
 
     def across(self, one: tuple[slice, slice], other: tuple[slice, slice]) -> NDArray[np.bool_]:
-        """Whether a label is known on either side and no doorway lies between."""
+        """Whether a label is observed on either side, without a doorway between."""
         known = self.known[one] | self.known[other]
         return np.asarray(known & (self.place[one] == self.place[other]))
 
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """The parts of all segments.
-
-    Parameters
-    ----------
-    pieces : Components
-        Where each part is.
-    is_room : (P,) bool
-    segment : (P,) int64
-        -1 for none.
-    in_ribbon, in_wide : (P,) bool
-    resolution_m : float
-    """
+    """The P parts of all segments: cells, label, segment (or -1), whether in a ribbon or wide."""
 
     pieces: Components
     is_room: NDArray[np.bool_]
@@ -180,17 +162,17 @@ class _Parts:
         pair: list[int],
         in_wide: NDArray[np.bool_],
     ) -> Self:
-        """Those of cells with these labels; ``in_wide`` (S,) are the segments weighed as wide."""
+        """The parts of labelled cells; ``in_wide`` (S,) are the segments weighted as wide."""
         code = np.full(len(label), -1, np.int32)
-        for some in row_blocks(len(label)):
+        for block in row_blocks(len(label)):
             for second, k in enumerate(pair):
-                number = segments.segment[some].astype(np.int32)
-                np.copyto(code[some], 2 * (number + 1) + second, where=label[some] == k)
+                number = segments.segment[block].astype(np.int32)
+                np.copyto(code[block], 2 * (number + 1) + second, where=label[block] == k)
         pieces = connected_components(layout.to_raster(code, fill=-1))
-        assert isinstance(layout.source, OccupancyGrid)  # segments are those of a map
+        assert isinstance(layout.source, OccupancyGrid)
         of_part = pieces.label.astype(np.int64) // 2 - 1
         kinds = np.stack([segments.is_ribbon, in_wide])
-        in_ribbon, wide = np.pad(kinds, ((0, 0), (0, 1)))[:, of_part]  # none is the last
+        in_ribbon, wide = np.pad(kinds, ((0, 0), (0, 1)))[:, of_part]  # the last entry is for -1
         is_room = pieces.label % 2 == 1
         return cls(pieces, is_room, of_part, in_ribbon, wide, layout.source.resolution_m)
 
@@ -201,14 +183,14 @@ class _Parts:
         pair: list[int],
         known: NDArray[np.int64] | None,
     ) -> NDArray[np.float64]:
-        """(P,) what speaks for corridor rather than room, times square metres."""
-        total = np.zeros(self.pieces.count + 1)  # the last for cells of no part
-        for some in row_blocks(len(log_z)):
-            odds = np.asarray(log_z[some, pair[0]] - log_z[some, pair[1]], np.float64)
+        """(P,) evidence for corridor rather than room (nats times square metres)."""
+        total = np.zeros(self.pieces.count + 1)  # the last entry is for cells of no part
+        for block in row_blocks(len(log_z)):
+            odds = np.asarray(log_z[block, pair[0]] - log_z[block, pair[1]], np.float64)
             if known is not None:
-                odds[known[some] == pair[0]] = _KNOWN
-                odds[known[some] == pair[1]] = -_KNOWN
-            total += np.bincount(part[some] % len(total), odds, minlength=len(total))
+                odds[known[block] == pair[0]] = _KNOWN
+                odds[known[block] == pair[1]] = -_KNOWN
+            total += np.bincount(part[block] % len(total), odds, minlength=len(total))
         total = total[:-1]
         total[self.in_ribbon & (total < 0)] *= _ROOM_IN_RIBBON
         total[self.in_wide & (total > 0)] *= _CORRIDOR_IN_WIDE
@@ -217,7 +199,7 @@ class _Parts:
     def borders(
         self, pulls: _KnownBorders | None
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """(B, 2) the parts that share a border, its length (B,) in metres, and how much pulls."""
+        """(B, 2) adjacent parts, (B,) border length (m), and (B,) its length at observed cells."""
         pairs, pulled = [np.empty((0, 2), np.int32)], [np.empty(0, np.bool_)]
         height, width = self.pieces.piece.shape
         for rows in bands_of_rows((height, width)):
@@ -243,7 +225,7 @@ class _Parts:
     def changed(
         self, sums: NDArray[np.float64], pulls: _KnownBorders | None = None
     ) -> NDArray[np.bool_]:
-        """(P,) the parts whose label is the other one in the best labelling of all."""
+        """(P,) the parts whose label changes in the optimal labelling."""
         from pgm_places.solvers.max_flow import minimum_cut
 
         pairs, length_m, pulling_m = self.borders(pulls)
@@ -258,7 +240,7 @@ class _Parts:
 def _moved(
     log_z: NDArray[np.float64], nodes: NDArray[np.int64], label: NDArray[np.int16], pair: list[int]
 ) -> NDArray[np.float64]:
-    """(N, K) the scores with those nodes moved: both labels share what they had together."""
+    """(N, K) the scores with the labels of some nodes exchanged; their joint probability stays."""
     if not len(nodes):
         return log_z
     moved = log_z.copy()

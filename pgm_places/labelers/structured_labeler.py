@@ -1,4 +1,4 @@
-"""StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
+"""StructuredLabeler: any scikit-learn classifier with any backend, for user-defined problems."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -28,13 +28,12 @@ from pgm_places.unary.options import LearnOn, NumberOfFolds
 @public_options
 @dataclass(eq=False, repr=False)
 class StructuredLabeler(Labeler):
-    """A classifier that looks at each node alone, and a backend that labels all nodes together.
+    """A classifier of single nodes, and a backend that labels all nodes jointly.
 
-    It follows scikit-learn's rules with lists in place of arrays: ``X`` is a list of
-    :class:`~pgm_places.inference.problem.LabelingProblem`, ``y`` a list of (N,) label indices or
-    of (N,) label names; :meth:`predict` answers in kind.
-    Cross validation therefore splits by whole problems, as it must: neighbouring nodes are alike,
-    and nodes of one graph on both sides of a split would make every score too good.
+    It has scikit-learn's interface with lists instead of arrays: ``X`` is a list of
+    :class:`~pgm_places.inference.problem.LabelingProblem`, ``y`` a list of (N,) label indices or of
+    (N,) label names; :meth:`predict` returns the same type. Cross-validation splits by problems.
+    Splitting the nodes of a graph would give over-optimistic scores, because neighbours are alike.
 
     Parameters
     ----------
@@ -42,36 +41,36 @@ class StructuredLabeler(Labeler):
         Any method of :mod:`pgm_places.inference.backends`, or its name. Its options can be
         searched: ``backend__C``, ``backend__weight``, ...
     classifier : scikit-learn classifier or None
-        Anything with ``predict_proba``; it is cloned and fitted on the problems' node features
-        (sparse ones, if the problems have such: linear and naive Bayes classifiers take them),
-        and its log-probabilities become their unary. None takes the unary that is there.
+        Any classifier with ``predict_proba``. It is cloned and fitted on the problems' node
+        features, dense or sparse (linear and naive Bayes classifiers support the latter), and its
+        log-probabilities become the unary. None uses the problems' unary.
     learn_on : {"out-of-fold", "in-sample"}
-        Which unary the backend learns from: that of classifiers which have not seen the node (like
-        those of new problems), or the classifier's own, on which it hardly errs. From the former,
-        a method whose ``temperature`` is ``"auto"`` also learns how sure its beliefs may be.
+        Unary that the backend is trained on: held-out scores, as for new problems, or the
+        classifier's scores of its own training nodes, with few errors. On held-out scores, methods
+        with ``temperature="auto"`` are also calibrated.
     n_folds : int
-        For the former: folds are whole problems. Where there is only one they are stripes of its
-        graph, across its positions or along its chain; if it has neither, stripes of the nodes of
-        each label (:func:`pgm_places.evaluation.folds.contiguous_parts`).
+        Number of folds of held-out scores. Folds are problems; of a single problem, stripes of its
+        graph across positions or along its chain, or else stripes of the nodes of each label
+        (:func:`pgm_places.evaluation.folds.contiguous_parts`).
     min_probability : float
-        Smaller probabilities are raised to it: a classifier that says 0 must not forbid a label.
+        Lower bound of probabilities, so that a classifier's 0 does not forbid a label.
     metric : {"accuracy", "balanced_accuracy", "macro_f1", "mcc"}
-        What :meth:`score` returns, over the labelled nodes of all problems together.
+        Result of :meth:`score`, over the labelled nodes of all problems.
 
     Attributes
     ----------
     label_names_ : tuple of K str
-        The labels that were learned: those of the training problems.
+        The learned labels, from the training problems.
     classes_ : (K,) int or str
-        What :meth:`predict` answers with: label indices, or names where ``y`` had names.
+        Possible results of :meth:`predict`: label indices, or names if ``y`` had names.
     named_ : bool
         Whether ``y`` had names.
     classifier_ : scikit-learn classifier or None
-        The fitted classifier: what is known of a node before its neighbours are asked.
+        The fitted classifier.
     backend_ : Backend
         The fitted backend.
     learn_seconds_ : float
-        How long the backend took to learn; absent from a stored model.
+        Training time of the backend (s); absent from a stored model.
 
     Examples
     --------
@@ -118,27 +117,27 @@ class StructuredLabeler(Labeler):
         *,
         sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
-        """The labeler itself, fitted: the classifier first, then the backend on what it says.
+        """Fit the classifier, then the backend on its scores; returns the labeler itself.
 
         Parameters
         ----------
         X : sequence of LabelingProblem
-            With ``node_features``, or with ``unary`` where there is no classifier.
+            With ``node_features``, or with ``unary`` if there is no classifier.
         y : sequence of (N,) int or str
-            The true label of every node by index, -1 where it is unknown; or by name, "" or None
-            where it is unknown.
+            True label of every node: an index, or -1 if unknown; or a name, or "" or None if
+            unknown.
         sample_weight : sequence of float or (N,) float, optional
-            For each problem a weight of all its nodes or of each, for classifiers and methods whose
-            ``fit`` takes one; others are refused by name.
+            For each problem, a weight of all nodes or of each node; only for classifiers and
+            methods whose ``fit`` supports it.
 
         Raises
         ------
         ConfigError
-            An option that is not understood, or weights that the backend or classifier cannot take.
+            An option is invalid, or the backend or classifier does not support weights.
         InputError
-            Problems and labellings that do not fit each other, or features that are missing.
+            Problems and labels do not fit, or features are missing.
         LabelError
-            A label without an example.
+            A label has no example.
         """
         self.fit_methods({"": self.backend}, X, y, sample_weight=sample_weight)
         return self
@@ -152,23 +151,23 @@ class StructuredLabeler(Labeler):
         sample_weight: Sequence[ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> dict[str, Self]:
-        """Fitted labelers that share one classifier, each with a backend that learned beside it.
+        """Fit several backends on the scores of one classifier; a labeler per backend.
 
         The labeler itself gets the last of the backends.
 
         Parameters
         ----------
         methods : mapping of str to Backend or str
-            By the names that the labelers are returned by.
+            Backends by name; the labelers are returned with these names.
         X, y, sample_weight
-            As for :meth:`fit`.
+            See :meth:`fit`.
         progress : Progress, optional
-            Where stages are reported; nowhere by default.
+            Reporter of stages; none by default.
 
         Raises
         ------
         ConfigError, InputError, LabelError
-            As :meth:`fit`.
+            See :meth:`fit`.
         """
         self.check_options()
         methods = {name: as_backend(method) for name, method in methods.items()}
@@ -182,16 +181,16 @@ class StructuredLabeler(Labeler):
         missing = [name for k, name in enumerate(names) if k not in known]
         if missing:
             raise LabelError(
-                f"no training node is labelled {missing[0]!r}: y never holds "
-                f"{names.index(missing[0])}; label some, or take the name out of label_names"
+                f"no training node is labelled {missing[0]!r} ({names.index(missing[0])} in y); "
+                "label some, or remove the name from label_names"
             )
         scored: Sequence[LabelingProblem] = problems
         classifier, weights = None, None
         if sample_weight is not None:
             weights = weights_of(sample_weight, problems)
-            learners = [item for item in methods.values() if isinstance(item, Learnable)]
-            for part in (self.classifier, *learners):
-                structured_learning.require_weighing(part)
+            learners = [method for method in methods.values() if isinstance(method, Learnable)]
+            for learner in (self.classifier, *learners):
+                structured_learning.require_weighing(learner)
         if self.classifier is not None:
             classifier = structured_learning.trained(self.classifier, problems, truths, weights)
             if self.learn_on == "out-of-fold":
@@ -215,10 +214,7 @@ class StructuredLabeler(Labeler):
     # ------------------------------------------------------------------ use
 
     def scores(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(N, K) log-probabilities of each node by itself: what the classifier says of it.
-
-        Without a classifier they are the problem's unary.
-        """
+        """(N, K) the classifier's log-probabilities; without one, the problem's unary."""
         self._check_labels(problem)
         if self.classifier_ is not None:
             return self._unary(self.classifier_, problem)
@@ -238,9 +234,9 @@ class StructuredLabeler(Labeler):
         return infer(self.backend_, problem.with_unary(scores), truth)
 
     def problem(self, problem: LabelingProblem) -> LabelingProblem:
-        """The problem as the backend sees it: with the scores as its unary.
+        """The problem with the scores as its unary.
 
-        What is known or forbidden (-inf) in the problem stays so, whatever the classifier says.
+        Observed and forbidden (-inf) labels of the problem have priority over the classifier.
         """
         self._check_labels(problem)
         if self.classifier_ is None:
@@ -248,9 +244,9 @@ class StructuredLabeler(Labeler):
         return problem.with_unary(self.scores(problem))
 
     def label(self, problem: LabelingProblem, *, truth: ArrayLike | None = None) -> Labeling:
-        """A label for each node, with what the backend knows of them: score, bound, beliefs.
+        """The labelling of a problem: labels, score, bound and beliefs.
 
-        ``truth`` is that of every labeler: see :mod:`pgm_places.labelers.labeler`.
+        For ``truth``, see :mod:`pgm_places.labelers.labeler`.
         """
         scored = self.problem(problem)
         return infer(self.backend_, scored, truth)
@@ -263,49 +259,49 @@ class StructuredLabeler(Labeler):
         )
 
     def label_many(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
-        """The labelling of each problem; many small ones without cycles in one call.
+        """The labelling of each problem; small ones without cycles are labelled in one call.
 
-        :func:`pgm_places.labelers.batched_inference.label_many` says when they are labelled as one.
+        See :func:`pgm_places.labelers.batched_inference.label_many`.
         """
         problems = listed_problems(X)
         for problem in problems:
             self._check_labels(problem)
-        whole = stack_problems(problems) if len(problems) > 1 else None
-        if whole is None or self.classifier_ is None:
+        stack = stack_problems(problems) if len(problems) > 1 else None
+        if stack is None or self.classifier_ is None:
             return label_many(self.backend_, [self.problem(problem) for problem in problems])
         ends = np.cumsum([problem.graph.n_nodes for problem in problems])[:-1]
-        scores = np.split(self.scores(whole), ends)
-        scored = [one.with_unary(part) for one, part in zip(problems, scores, strict=True)]
+        scores = np.split(self.scores(stack), ends)
+        scored = [one.with_unary(unary) for one, unary in zip(problems, scores, strict=True)]
         return label_many(self.backend_, scored)
 
     @property
     def classes_(self) -> NDArray[Any]:
-        """(K,) what :meth:`predict` answers with: label indices, or names where ``y`` had names."""
+        """(K,) possible results of :meth:`predict`: label indices, or names if ``y`` had names."""
         if not self.__sklearn_is_fitted__():
-            raise AttributeError("classes_ is there once fit(X, y) has been called")
+            raise AttributeError("classes_ exists only after fit(X, y)")
         return np.array(self.label_names_) if self.named_ else np.arange(len(self.label_names_))
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
-        """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
-        labelings = (item.labels for item in self.label_many(X))
+        """The (N,) labels of each problem: indices, or names if ``y`` had names."""
+        labelings = (labeling.labels for labeling in self.label_many(X))
         names = np.array(self.label_names_)
         return PerProblem(names[labels] if self.named_ else labels for labels in labelings)
 
     def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
-        """For each problem the (N, K) probabilities of its nodes' labels.
+        """The (N, K) label probabilities of each problem.
 
         Raises
         ------
         InputError
-            The backend tells labels only, as a graph cut does.
+            The backend has no beliefs, as for a graph cut.
         """
-        return PerProblem(_beliefs(item) for item in self.label_many(X))
+        return PerProblem(_beliefs(labeling) for labeling in self.label_many(X))
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
-        """The ``metric`` over the labelled nodes of all problems together; larger is better."""
+        """The ``metric`` over the labelled nodes of all problems; larger is better."""
         self.check_options()
         problems, truths = zip(*labelled_problems(X, numbered(X, y)[0]), strict=True)
-        labelings = [item.labels for item in self.label_many(problems)]
+        labelings = [labeling.labels for labeling in self.label_many(problems)]
         result = evaluate(
             np.concatenate(truths), np.concatenate(labelings), problems[0].label_names
         )
@@ -325,8 +321,8 @@ class StructuredLabeler(Labeler):
         self.check_fitted()
         if not isinstance(problem, LabelingProblem):
             raise InputError(
-                f"one LabelingProblem is labelled at a time, got a {type(problem).__name__}; lists "
-                "go to predict(X)"
+                f"expected a LabelingProblem, got a {type(problem).__name__}; for lists, use "
+                "predict(X)"
             )
         if tuple(problem.label_names) != self.label_names_:
             raise InputError(
@@ -335,12 +331,12 @@ class StructuredLabeler(Labeler):
             )
 
     def check_options(self) -> None:
-        """Refuse options that are not understood; :meth:`fit` does so first.
+        """Check the options, as :meth:`fit` does first.
 
         Raises
         ------
         ConfigError
-            The nearest name is offered.
+            An option is invalid.
         """
         super().check_options()
         as_backend(self.backend)
@@ -352,20 +348,20 @@ class StructuredLabeler(Labeler):
 
 
 class PerProblem(list[NDArray[Any]]):
-    """An array per problem; NumPy makes an array of objects of it, for ``cross_val_predict``."""
+    """An array per problem; NumPy converts it to an object array, for ``cross_val_predict``."""
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        found = np.empty(len(self), object)
-        for number, part in enumerate(self):
-            found[number] = part
-        return found if dtype in (None, object) else np.array(list(self), dtype)
+        array = np.empty(len(self), object)
+        for index, each in enumerate(self):
+            array[index] = each
+        return array if dtype in (None, object) else np.array(list(self), dtype)
 
 
-def _beliefs(found: Labeling) -> NDArray[np.float64]:
-    if found.beliefs is None:
-        how = found.info.get("decoder", "this method")
+def _beliefs(labeling: Labeling) -> NDArray[np.float64]:
+    if labeling.beliefs is None:
+        how = labeling.info.get("decoder", "this method")
         raise InputError(
-            f"{how!r} finds labels without probabilities; use inference='sum-product' or "
-            "'mean-field', or method 'relaxation'"
+            f"{how!r} has no probabilities; use inference='sum-product' or 'mean-field', or method "
+            "'relaxation'"
         )
-    return np.asarray(found.beliefs, np.float64)
+    return np.asarray(labeling.beliefs, np.float64)

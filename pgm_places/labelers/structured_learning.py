@@ -1,4 +1,4 @@
-"""Training a StructuredLabeler: labels by number or name, the classifier with and without folds."""
+"""Training a StructuredLabeler: conversion of label names, and cross-fitting of the classifier."""
 
 import inspect
 import warnings
@@ -21,18 +21,18 @@ from pgm_places.evaluation.folds import contiguous_parts, cross_fit, held_out_sc
 from pgm_places.inference.problem import LabelingProblem
 
 UNKNOWN = (None, "")
-"""What stands in place of a name where no label is known."""
+"""Values for an unknown label in place of a name."""
 
 
 def numbered(problems: Any, labelings: Any) -> tuple[Any, bool]:
-    """The labellings with numbers in place of names, and whether they had names.
+    """The labels of problems as indices, and whether they were names.
 
-    What holds no names is returned as it is, for others to check.
+    Labels without names are returned unchanged and unchecked.
 
     Raises
     ------
     LabelError
-        A name that is none of the problem's labels.
+        A name is not a label of its problem.
 
     Examples
     --------
@@ -48,13 +48,13 @@ def numbered(problems: Any, labelings: Any) -> tuple[Any, bool]:
         return labelings, False
     pairs = zip(problems, rows, labelings, strict=True)
     return [
-        _numbers(m, problem, names) if names else given
-        for m, (problem, names, given) in enumerate(pairs)
+        _numbers(m, problem, names) if names else labels
+        for m, (problem, names, labels) in enumerate(pairs)
     ], True
 
 
 def _names_in(row: Any) -> list[Any]:
-    """The values of a labelling that holds names, else nothing."""
+    """The values of a row of label names; empty for other rows."""
     if isinstance(row, np.ndarray) and row.dtype.kind not in "OUT":
         return []
     values = list(row) if isinstance(row, Sequence | np.ndarray) else []
@@ -77,27 +77,27 @@ Truth = NDArray[Any]
 Weights = list[NDArray[np.float64]] | None
 
 
-def require_weighing(part: Any) -> None:
-    """Refuse a classifier or method whose ``fit`` takes no weights; None takes none."""
-    if part is not None and "sample_weight" not in inspect.signature(part.fit).parameters:
+def require_weighing(learner: Any) -> None:
+    """Check that the ``fit`` of a classifier or method supports weights; None passes."""
+    if learner is not None and "sample_weight" not in inspect.signature(learner.fit).parameters:
         raise ConfigError(
-            f"{type(part).__name__} takes no sample_weight; leave it out, or take another one"
+            f"{type(learner).__name__} does not support sample_weight; omit it, or use another one"
         )
 
 
 def counted(truths: Sequence[Truth], weights: Weights) -> Sequence[Truth]:
-    """The labellings without nodes of weight 0."""
+    """The labels with -1 at nodes of weight 0."""
     if weights is None:
         return truths
     return [np.where(weight > 0, truth, -1) for truth, weight in zip(truths, weights, strict=True)]
 
 
 def features_of(problem: LabelingProblem) -> NDArray[np.float64]:
-    """(N, D) the features of a problem's nodes; refuses one that has none."""
+    """(N, D) the features of a problem's nodes; an error without features."""
     if problem.node_features is None:
         raise InputError(
-            "a classifier needs the problem's node_features; it has none. Give them, or "
-            "classifier=None to use its unary"
+            "the problem has no node_features, which a classifier needs; add them, or use "
+            "classifier=None for its unary"
         )
     return problem.node_features
 
@@ -105,7 +105,7 @@ def features_of(problem: LabelingProblem) -> NDArray[np.float64]:
 def _folds(
     problems: Sequence[LabelingProblem], truths: Sequence[Truth], n_folds: int
 ) -> list[NDArray[np.int64]]:
-    """For each problem the fold of every node: whole problems, or stripes of a single one."""
+    """The fold of every node of each problem: complete problems, or stripes of a single one."""
     if len(problems) == 1:
         return [contiguous_parts(problems[0].graph, n_folds, truths[0])]
     n = min(n_folds, len(problems))
@@ -113,13 +113,13 @@ def _folds(
 
 
 def _warn_of_missing(truth: Truth, names: Sequence[str], fold: int) -> None:
-    """Warn of labels without an example outside a fold: its scores say that they never occur."""
+    """Warn of labels without an example outside a fold, whose scores there are always low."""
     missing = [name for k, name in enumerate(names) if k not in truth]
     if missing:
         warnings.warn(
-            f"all nodes labelled {', '.join(map(repr, missing))} lie in fold {fold + 1}: the "
-            "scores that the backend learns from never expect them there. Give more problems, "
-            "other n_folds, or learn_on='in-sample'",
+            f"all nodes labelled {', '.join(map(repr, missing))} are in fold {fold + 1}, so their "
+            "held-out scores are always low. Use more problems, other n_folds, or "
+            "learn_on='in-sample'",
             LearningWarning,
             stacklevel=5,
         )
@@ -128,8 +128,8 @@ def _warn_of_missing(truth: Truth, names: Sequence[str], fold: int) -> None:
 def trained(
     unfitted: Any, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
 ) -> Any:
-    """A classifier fitted on the labelled nodes of all problems together."""
-    from sklearn.base import clone  # takes a second; a stored decision list does without
+    """A classifier fitted on the labelled nodes of all problems."""
+    from sklearn.base import clone  # slow to import, and not needed for labelling
 
     features = stacked_rows([features_of(problem) for problem in problems])
     truth = np.concatenate(truths)
@@ -141,12 +141,12 @@ def trained(
 def log_probabilities(
     classifier: Any, features: NDArray[np.float64], n_labels: int, least: float
 ) -> NDArray[np.float64]:
-    """(N, K) what a classifier says; ``least`` for a label that it has not met, or denies."""
+    """(N, K) a classifier's log-probabilities, at least ``log(least)``, also for unknown labels."""
     table = np.zeros((features.shape[0], n_labels))
     wanted = getattr(classifier, "n_features_in_", features.shape[1])
     if features.shape[1] != wanted:
         raise InputError(
-            f"the classifier has learned from {wanted} features of each node, this problem has "
+            f"the classifier was trained on {wanted} features per node, this problem has "
             f"{features.shape[1]}"
         )
     if len(table):
@@ -158,27 +158,25 @@ def log_probabilities(
 def held_out_problems(
     labeler: Any, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
 ) -> list[LabelingProblem]:
-    """The problems with unaries from classifiers that were fitted without those nodes.
-
-    The classifier and how to hold out are those of a StructuredLabeler, which imports this module.
-    """
+    """The problems with held-out scores of a StructuredLabeler's classifier as unary."""
     folds, least = _folds(problems, truths, labeler.n_folds), labeler.min_probability
 
     def fit(fold: int) -> Any:
         others = [
-            np.where(part == fold, -1, truth) for part, truth in zip(folds, truths, strict=True)
+            np.where(fold_of_node == fold, -1, truth)
+            for fold_of_node, truth in zip(folds, truths, strict=True)
         ]
         if (np.concatenate(others) < 0).all():
-            raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
+            raise InputError("all labelled nodes are in one fold; use learn_on='in-sample'")
         _warn_of_missing(np.concatenate(others), problems[0].label_names, fold)
         return trained(labeler.classifier, problems, others, weights)
 
-    def held_out(problem: LabelingProblem, part: NDArray[np.int64]) -> LabelingProblem:
+    def held_out(problem: LabelingProblem, fold_of_node: NDArray[np.int64]) -> LabelingProblem:
         def score(classifier: Any, rows: NDArray[np.bool_] | slice) -> NDArray[np.float64]:
             features = features_of(problem)[rows]
             return log_probabilities(classifier, features, problem.n_labels, least)
 
-        return problem.with_unary(held_out_scores(classifiers, part, score))
+        return problem.with_unary(held_out_scores(classifiers, fold_of_node, score))
 
     classifiers = cross_fit(np.concatenate(folds), fit)
-    return [held_out(*item) for item in zip(problems, folds, strict=True)]
+    return [held_out(*pair) for pair in zip(problems, folds, strict=True)]

@@ -1,4 +1,4 @@
-"""A tracked trajectory: its labels, the visits to places, and a map to draw it on."""
+"""Tracked trajectories: labels, visits to places, and a map of the scans."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ from pgm_places.sensing.local_map import LocalMap
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-# Longer readings are left out of a map drawn from scans: they only make it larger.
+# Longer readings are not drawn in a map of scans, to limit its size.
 DRAWN_M = 15.0
 
-# Longest side of a map drawn from scans; a longer path is drawn with larger cells.
+# Most cells along a side of a map of scans; a longer path is drawn with larger cells.
 DRAWN_CELLS = 3000
 
 
@@ -51,9 +51,9 @@ class Track:
     Parameters
     ----------
     trajectory : Trajectory
-        May hold true labels, of the same names.
+        May have true labels with the same names.
     labeling : Labeling
-        Of its steps.
+        Labels of its steps.
     label_names : tuple of str
     warnings : tuple of str
     """
@@ -79,7 +79,7 @@ class Track:
 
     @property
     def accuracy(self) -> float | None:
-        """Share of correct labels among steps with a known one; None if there are no such steps."""
+        """Share of correct labels among steps with a true label; None without such steps."""
         truth = self.truth
         if truth is None or not (known := truth >= 0).any():
             return None
@@ -103,52 +103,52 @@ class Track:
         for visit in self.visits():
             of_label[visit.label].append(visit)
         return [
-            (name, len(some), sum(v.n_steps for v in some), sum(v.length_m for v in some))
-            for name, some in zip(self.label_names, of_label, strict=True)
+            (name, len(visits), sum(v.n_steps for v in visits), sum(v.length_m for v in visits))
+            for name, visits in zip(self.label_names, of_label, strict=True)
         ]
 
 
 def map_of_scans(trajectory: Trajectory, *, resolution_m: float = 0.05) -> OccupancyGrid:
-    """A map of what the laser saw along the whole path, in the frame of the poses.
+    """A map drawn from the scans at their poses, in the frame of the poses.
 
-    It is as accurate as the poses. A trajectory without scans gives an unknown map around it.
+    Without scans, all cells around the path are unknown.
     """
     if not len(trajectory):
         return OccupancyGrid(np.full((8, 8), UNKNOWN, np.int8), resolution_m)
-    whole = PathMap(trajectory.poses[:, :2], resolution_m=resolution_m)
+    path_map = PathMap(trajectory.poses[:, :2], resolution_m=resolution_m)
     if trajectory.ranges_m is not None and trajectory.geometry is not None:
         for pose, row in zip(trajectory.poses, trajectory.ranges_m, strict=True):
-            whole.add(pose, row, trajectory.geometry)
-    return whole.grid()
+            path_map.add(pose, row, trajectory.geometry)
+    return path_map.grid()
 
 
 class PathMap:
-    """A map that is drawn scan by scan, and is large enough for a whole path.
+    """A map drawn scan by scan, large enough for a given path.
 
     Parameters
     ----------
     path_xy_m : (T, 2) float
         All positions of the path, at least one.
     resolution_m : float
-        Side of a cell; larger where the path is long.
+        Side of a cell; larger for a long path.
     """
 
     def __init__(self, path_xy_m: NDArray[np.float64], *, resolution_m: float = 0.05) -> None:
         low, high = path_xy_m.min(axis=0), path_xy_m.max(axis=0)
         side = float((high - low).max()) + 2 * DRAWN_M
         cell = max(resolution_m, side / DRAWN_CELLS)
-        self._whole = LocalMap(side, cell, robot_radius_m=0.0)
+        self._map = LocalMap(side, cell, robot_radius_m=0.0)
         middle: Sequence[float] = [*(0.5 * (low + high)), 0.0]
-        # The window is centred on the path once; scans then do not move it.
-        self._whole.update(middle, [np.nan], [0.0], max_range_m=1.0)
+        # Centre the window on the path once; scans do not move it.
+        self._map.update(middle, [np.nan], [0.0], max_range_m=1.0)
 
     def add(
         self, pose: NDArray[np.float64], ranges_m: NDArray[np.float32], geometry: ScanGeometry
     ) -> None:
         """Draw a scan (M,) taken at a pose (3,)."""
         ranges = np.where(geometry.returned(ranges_m), ranges_m, np.nan)
-        self._whole.write(pose, ranges, geometry.angles_rad, max_range_m=DRAWN_M)
+        self._map.write(pose, ranges, geometry.angles_rad, max_range_m=DRAWN_M)
 
     def grid(self) -> OccupancyGrid:
-        """What has been drawn so far."""
-        return self._whole.to_grid()
+        """The map drawn so far."""
+        return self._map.to_grid()

@@ -1,4 +1,4 @@
-"""TrajectoryLabeler: labels the places along a robot's trajectory, as a whole or step by step."""
+"""TrajectoryLabeler: labels the places along a trajectory, offline or online."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,16 +28,16 @@ from pgm_places.progress import Progress, report_stage, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_moves import N_RUNS
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.segments import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel, columns_of, with_local_floor
 from pgm_places.unary.options import NumberOfFolds
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, observed_along
 
-if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
+if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does not need it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-# Farther away, walls seen by a laser and walls of a map differ too much (glass, clutter, beams).
+# Farther walls differ too much between scans and maps (glass, clutter, distance of beams).
 REACH_M = 12.0
 
 METHOD = HiddenMarkovModel()
@@ -50,59 +50,58 @@ BEAMS = BeamOptions()
 class TrajectoryLabeler(WithDistance, Labeler):
     """Learns places from labelled maps and trajectories, and labels trajectories.
 
-    Each scan is completed to the full circle, its features go through the boosted list, and the
-    method, a hidden Markov model by default, takes account of the places before. The steps within
-    ``every_m`` count as one observation: the mean of what the list says of them.
+    Each scan is completed to the full circle and scored by the boosted list. The method, a hidden
+    Markov model by default, labels the sequence of observations. The steps within ``every_m`` are
+    one observation, the mean of their probabilities.
 
     Parameters
     ----------
     label_names : sequence of K str
         The places to distinguish.
     method : Backend or str
-        What labels the chain of observations: any method of :mod:`pgm_places.inference.backends`,
-        or its name.
+        A method of :mod:`pgm_places.inference.backends` for the chain of observations, or its name.
     every_m : float or "auto"
-        Distance in metres after which the robot counts as moved; 0 for every scan. ``"auto"``: of
-        hidden Markov models chosen on held-out parts of trajectories (``update_m``), else 0.1.
+        Distance between updates (m); 0 for every scan. ``"auto"`` chooses it on held-out parts of
+        trajectories for hidden Markov models (``update_m``), and is 0.1 for other methods.
     loop_m : float
-        Segments of different passes that lie within this many metres of each other are linked, so
-        that a place is labelled alike whenever the robot comes back; 0 for a chain. Methods for
-        chains, such as the hidden Markov model, see the chain alone.
+        Segments of different passes within this distance (m) are linked, so that a place gets the
+        same label when the robot returns; 0 for a chain. Methods for chains, such as the hidden
+        Markov model, ignore the links.
     beams : BeamOptions
         How scans are completed.
     sensor : Sensor
-        Beams and reach of the completed scans; 360 beams of 12 m by default.
+        Beams and range of the completed scans; by default 360 beams of 12 m.
     classifier : DecisionListClassifier, optional
-        The unfitted list with its options.
+        The unfitted list.
     n_folds : int
-        Folds that are held out once: whole buildings where maps are of several, contiguous parts
-        of a single one, and of each trajectory.
+        Number of folds of held-out scores: buildings if there are several, else contiguous parts of
+        the building and of each trajectory.
     n_runs, seed : int
         Simulated runs in maps (paper, section 5).
     features : sequence of features or names
-        Columns of your own that are computed from scans: see :mod:`pgm_places.features.custom`.
+        Custom feature columns computed from scans: see :mod:`pgm_places.features.custom`.
     extra_names : sequence of D str
-        Names of columns in addition to the laser's that :meth:`fit` and :meth:`label` are given as
-        ``extra``.
+        Names of additional feature columns, the argument ``extra`` of :meth:`fit` and
+        :meth:`label`.
     floor : FloorModel, optional
-        Networks that see the map around the robot, and how much they count beside the list when
-        trajectories are labelled; learning does without. :func:`pgm_places.trained.trained_floor`
-        are those that ship with the package.
+        Floor networks for the map around the robot, with their weight relative to the list. They
+        are used for labelling, not for training. :func:`pgm_places.trained.trained_floor` returns
+        the shipped ones.
 
     Attributes
     ----------
     label_names_ : tuple of K str
-        The labels that were learned.
+        The learned labels.
     scan_model_ : ScanModel
-        The list: what is known of a step before the others are asked.
+        The list, which scores each step before inference.
     method_ : Backend
         The fitted method.
     learn_seconds_ : float
-        How long the method took to learn; absent from a stored model.
+        Training time of the method (s); absent from a stored model.
 
     Examples
     --------
-    A model that was learned on maps labels trajectories too:
+    A model trained on maps can label trajectories, too:
 
     >>> from pgm_places.simulation import generate_building
     >>> building = generate_building(size="small")
@@ -139,26 +138,26 @@ class TrajectoryLabeler(WithDistance, Labeler):
 
     @classmethod
     def from_places(cls, places: PlaceLabeler, *, every_m: AtLeastZero = EVERY_M) -> Self:
-        """One that uses the list of a fitted PlaceLabeler, and what it learned of moving robots.
+        """A labeler with the list and the transitions of a fitted PlaceLabeler.
 
         Parameters
         ----------
         places : PlaceLabeler
             Fitted on labelled maps.
         every_m : float
-            As of the class; :meth:`with_options` changes other options.
+            See the class; :meth:`with_options` changes other options.
 
         Raises
         ------
         NotFittedError
-            ``places`` is not fitted, or was stored by a version that learned nothing of movement.
+            ``places`` is not fitted, or was stored by a version without transitions.
         InputError
-            It has a feature of the map's cells.
+            It uses a feature that needs a map.
         """
         places.check_fitted()
         if places.movement_ is None:
             raise NotFittedError(
-                "this model was stored without the statistics of moving robots; train it again"
+                "this model was stored without the transitions of moving robots; train it again"
             )
         unary = places.unary_model_
         model = ScanModel(unary.classifier, unary.n_labels, unary.sensor, features=unary.features)
@@ -176,7 +175,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         loop_m: float = 0.0,
         floor: FloorModel | None = None,
     ) -> Self:
-        """One whose list and method were learned elsewhere."""
+        """A fitted labeler with a given list and method."""
         labeler = cls(
             tuple(label_names),
             method_use.unfitted(method),
@@ -194,18 +193,18 @@ class TrajectoryLabeler(WithDistance, Labeler):
         )
 
     def check_options(self) -> None:
-        """Refuse options that are not understood; :meth:`fit` does so before anything else.
+        """Check the options, as :meth:`fit` does first.
 
         Raises
         ------
         InputError
-            An option is not understood.
+            An option is invalid.
         """
         super().check_options()
         method_use.as_backend(self.method)
         if self.floor is not None:
             columns_of(tuple(self.label_names))
-            self.beams.check_builds_map("the floor networks look at one")
+            self.beams.check_builds_map("floor networks need one")
         check_scan_features(as_features(self.features))
 
     def fit(
@@ -218,20 +217,22 @@ class TrajectoryLabeler(WithDistance, Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
-        """The labeler itself, fitted: the list on cells and steps, the method on held-out scores.
+        """Fit the list on cells and steps, then the method on held-out scores.
+
+        Returns the labeler itself.
 
         Parameters
         ----------
         maps : sequence of LabelledMap
-            Their labelled cells are examples, and simulated runs in them give the transitions.
+            Their labelled cells are examples; transitions are from simulated runs in them.
         trajectories : sequence of Trajectory
-            Their labelled steps are examples; without maps they give the transitions as well.
-            Labels are indices into ``label_names``, -1 where unknown.
+            Their labelled steps are examples; without maps, transitions are from them. Labels are
+            indices into ``label_names``, -1 where unknown.
         extra : sequence of (T, D) float, optional
-            Columns in addition to the laser's for each trajectory; maps are then not allowed.
+            Additional feature columns of each trajectory; not supported with maps.
         known_map : OccupancyGrid or sequence of them, optional
-            The map in which missing beams are cast, where ``beams`` asks for it: one for all
-            trajectories, or one for each.
+            Map to cast missing beams in, if ``beams`` requires it: one for all trajectories, or one
+            for each.
 
         Raises
         ------
@@ -255,21 +256,21 @@ class TrajectoryLabeler(WithDistance, Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> dict[str, Self]:
-        """Fitted labelers that share one list, each with a method that learned on the same scores.
+        """Fit several methods on the scores of one list; a labeler per method.
 
         The labeler itself gets the last of the methods.
 
         Parameters
         ----------
         methods : mapping of str to Backend or str
-            By the names that the labelers are returned by.
+            Methods by name; the labelers are returned with these names.
         maps, trajectories, extra, known_map, n_threads, progress
-            As for :meth:`fit`.
+            See :meth:`fit`.
 
         Raises
         ------
         LabelError, InputError
-            As :meth:`fit`.
+            See :meth:`fit`.
         """
         with thread_limit(n_threads), reporting_to(progress):
             return learn_labelers(self, methods, maps, trajectories, extra, known_map)[0]
@@ -281,12 +282,12 @@ class TrajectoryLabeler(WithDistance, Labeler):
         known_map: OccupancyGrid | None = None,
         map_prior: MapPrior | None = None,
     ) -> OnlineLabeler:
-        """A fresh labeler for one robot with that laser: ``step(scan) -> belief``.
+        """A new online labeler for a robot with this laser: ``step(scan) -> belief``.
 
         Raises
         ------
         InputError
-            The method is no hidden Markov model, which alone works step by step.
+            The method is not a hidden Markov model.
         NotFittedError
             Before :meth:`fit`.
         """
@@ -306,7 +307,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> NDArray[np.float64]:
-        """(T, K) log z of each step by itself: what the list, and the networks, say of it."""
+        """(T, K) log-probabilities of each step, from the list and the networks."""
         self.check_fitted()
         model, beams, floor = self.scan_model_, self.beams, self.floor
         with (
@@ -314,11 +315,13 @@ class TrajectoryLabeler(WithDistance, Labeler):
             reporting_to(progress),
             report_stage("scans, features and list"),
         ):
-            seen = observed_along(trajectory, model.sensor, beams, known_map=known_map, floor=floor)
-            log_z = model.log_proba(seen.circles_m, extra, spaces=seen.spaces)
-        if floor is None or seen.floor is None:
+            views = observed_along(
+                trajectory, model.sensor, beams, known_map=known_map, floor=floor
+            )
+            log_z = model.log_proba(views.circles_m, extra, spaces=views.spaces)
+        if floor is None or views.floor is None:
             return log_z
-        return with_local_floor(log_z, seen.floor, floor)
+        return with_local_floor(log_z, views.floor, floor)
 
     def label(
         self,
@@ -333,8 +336,8 @@ class TrajectoryLabeler(WithDistance, Labeler):
     ) -> Labeling:
         """A label for each step.
 
-        A hidden Markov model in mode ``filter`` gives the same beliefs as :meth:`online` step by
-        step; other modes and methods label whole segments, also by what comes after.
+        A hidden Markov model in mode ``filter`` has the same beliefs as :meth:`online`. Other modes
+        and methods label segments, also with later observations.
 
         Parameters
         ----------
@@ -343,11 +346,11 @@ class TrajectoryLabeler(WithDistance, Labeler):
         known_map : OccupancyGrid, optional
             A map in the frame of the poses.
         map_prior : MapPrior, optional
-            A labelled map in the frame of the poses, whose labels count as further observations.
+            A labelled map in the frame of the poses, whose labels are additional observations.
         extra : (T, D) float, optional
-            The columns in addition to the laser's that the model was trained with.
+            Additional feature columns, if the model was trained with any.
         truth, n_threads, progress
-            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+            See :mod:`pgm_places.labelers.labeler`.
         """
         with thread_limit(n_threads), reporting_to(progress):
             scores = self.scores(trajectory, known_map=known_map, extra=extra)
@@ -365,7 +368,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         self.check_fitted()
         if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
             return filter_of(self, map_prior).run(trajectory.poses, scores)
-        segments = Segments(trajectory.poses, self.update_m)
+        segments = PathSegments(trajectory.poses, self.update_m)
         if truth is not None:
             truth = segments.majority(truth, len(self.label_names_))
         problem = self.problem(segments, scores)
@@ -379,21 +382,21 @@ class TrajectoryLabeler(WithDistance, Labeler):
         beliefs = None if labeling.beliefs is None else labeling.beliefs[segments.of_step]
         return replace(labeling, labels=labeling.labels[segments.of_step], beliefs=beliefs)
 
-    def problem(self, segments: Segments, scores: NDArray[np.float64]) -> LabelingProblem:
+    def problem(self, segments: PathSegments, scores: NDArray[np.float64]) -> LabelingProblem:
         """The graph of a trajectory's segments with the mean scores of their steps."""
         self.check_fitted()
         return segment_problem(self, self.method_, segments, scores)
 
     def updated_every(self, every_m: AtLeastZero) -> tuple[Self, float]:
-        """A fitted copy for another distance between updates, its transitions rescaled.
+        """A fitted copy with another distance between updates and rescaled transitions.
 
-        The second result is how far a probability had to be changed for that: see
-        :meth:`.HiddenMarkovModel.rescaled`. Other methods stay as they are.
+        The second result is the largest error of a transition probability: see
+        :meth:`.HiddenMarkovModel.rescaled`. Other methods do not change.
 
         Raises
         ------
         InputError
-            The transitions cannot be had for such a distance.
+            The transitions cannot be rescaled to this distance.
         """
         self.check_fitted()
         other, changed = self.with_options(every_m=every_m), 0.0

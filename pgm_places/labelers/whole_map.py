@@ -1,4 +1,4 @@
-"""What was found on a map's known part, on the whole map again."""
+"""Transfer of labelling results from the known window of a map to the complete map."""
 
 from dataclasses import replace
 
@@ -14,9 +14,9 @@ from pgm_places.spaces.unentered import Unentered
 
 
 def window_to_label(grid: OccupancyGrid, resolution_m: float) -> KnownWindow | None:
-    """The window that is to be labelled in place of a map, by a model of some resolution.
+    """The known window of a map to label instead of the map, or None.
 
-    It begins where the blocks begin that the whole map would be coarsened by.
+    It is aligned with the blocks that the complete map would be coarsened by.
     """
     is_finer = grid.resolution_m < resolution_m
     multiple = coarsening_factor(grid, resolution_m).numerator if is_finer else 1
@@ -24,11 +24,11 @@ def window_to_label(grid: OccupancyGrid, resolution_m: float) -> KnownWindow | N
 
 
 def whole_layout(layout: GridLayout, window: KnownWindow, grid: OccupancyGrid) -> GridLayout:
-    """The same nodes, in the same order, on the raster of the whole map or its coarsened form."""
-    source, part = layout.source, window.part_shape
-    if layout.shape == part:
+    """The nodes of a window's layout on the raster of the complete map or its coarsened version."""
+    source = layout.source
+    if layout.shape == window.part_shape:
         return GridLayout.of_mask(freeze(window.paste(layout.mask(), False)), grid)
-    assert isinstance(source, OccupancyGrid)  # coarsened from a map
+    assert isinstance(source, OccupancyGrid)
     coarse = window.coarser(source.resolution_m / grid.resolution_m)
     cells = coarse.paste(source.cells, UNKNOWN)
     whole = OccupancyGrid(cells, source.resolution_m, grid.origin_xy_m, grid.yaw_rad)
@@ -38,7 +38,7 @@ def whole_layout(layout: GridLayout, window: KnownWindow, grid: OccupancyGrid) -
 def whole_doorways(
     doorways: Doorways | None, part: OccupancyGrid, window: KnownWindow, grid: OccupancyGrid
 ) -> Doorways | None:
-    """Doorways found on a map's part, with the places between them on the raster of the map."""
+    """Doorways of a window, with the places between them on the raster of the complete map."""
     if doorways is None:
         return None
     place = window.paste(doorways.place_on(part), -1)
@@ -46,7 +46,7 @@ def whole_doorways(
 
 
 def whole_unentered(unentered: Unentered | None, window: KnownWindow) -> Unentered | None:
-    """The same free space on the whole map."""
+    """Unreachable space of a window on the raster of the complete map."""
     if unentered is None:
         return None
     return replace(unentered, cells=np.asarray(window.paste(unentered.cells, False)))

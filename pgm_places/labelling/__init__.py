@@ -1,1 +1,1 @@
-"""The application: a loaded model labels a map, its places are found, and all is written."""
+"""Labelling a map with a loaded model, finding its places, and writing the results."""

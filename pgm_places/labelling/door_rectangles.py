@@ -1,4 +1,4 @@
-"""Doorways of a labelled map as rectangles across their openings, where gates are known."""
+"""Doorways of a labelled map as rectangles at gates."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,9 @@ def doorways_as_rectangles(
 ) -> NDArray[np.int16]:
     """(H, W) the labels, with a rectangle of doorway at each gate.
 
-    The rectangle reaches from wall to wall, is as deep as doorways are labelled and centred on the
-    gate; of it, the labelled cells count that can be reached from the opening without leaving it.
-    Other doorway cells around that touch a rectangle take the label beside them.
+    The rectangle is centred on the gate and reaches from wall to wall. It contains the labelled
+    cells that are connected to the opening within it. Doorway cells outside that touch a rectangle
+    get the label of their neighbours.
 
     Parameters
     ----------
@@ -40,47 +40,47 @@ def doorways_as_rectangles(
     doorway : int
         The label of doorways.
     depth_m : float, optional
-        How deep doorways are labelled (m); by default, as the models' training maps have them.
+        Depth of the rectangles (m); by default, the depth in the models' training maps.
     fixed : (H, W) bool, optional
-        Cells that keep their labels, such as corrections.
+        Cells whose labels do not change, such as corrections.
     """
-    found, inside = labels.copy(), np.zeros(labels.shape, np.bool_)
+    changed, inside = labels.copy(), np.zeros(labels.shape, np.bool_)
     depth_m = depth_m or DOORWAY_DEPTH_M
     rectangles = [_rectangle(gate, grid, labels, depth_m) for gate in doorways.gates]
     for cells in rectangles:
         r, c = cells.T
         inside[r, c] = True
         open_to_change = slice(None) if fixed is None else ~fixed[r, c]
-        found[r[open_to_change], c[open_to_change]] = doorway
+        changed[r[open_to_change], c[open_to_change]] = doorway
     reach = int(_AROUND_M / grid.resolution_m) + 1
     for cells in filter(len, rectangles):
         low, high = np.maximum(cells.min(axis=0) - reach, 0), cells.max(axis=0) + reach + 1
         window = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-        kept = inside[window] if fixed is None else inside[window] | fixed[window]
-        _relabel_around(found[window], inside[window], kept, doorway)
-    return found
+        unchanged = inside[window] if fixed is None else inside[window] | fixed[window]
+        _relabel_around(changed[window], inside[window], unchanged, doorway)
+    return changed
 
 
 def _relabel_around(
-    found: NDArray[np.int16], inside: NDArray[np.bool_], kept: NDArray[np.bool_], doorway: int
+    labels: NDArray[np.int16], inside: NDArray[np.bool_], unchanged: NDArray[np.bool_], doorway: int
 ) -> None:
-    """Give doorway cells that touch a rectangle, but are not in it, the label around them."""
-    rest = (found == doorway) & ~kept
+    """Give doorway cells outside that touch a rectangle the label of their neighbours."""
+    rest = (labels == doorway) & ~unchanged
     touched = np.where(inside, np.int8(1), np.int8(-1))
     grow(touched, rest, np.zeros(rest.shape, np.int8))
     rest &= touched > 0
-    found[rest] = -1
-    grow(found, rest, inside.astype(np.int8))
-    found[rest & (found < 0)] = doorway  # nothing else is beside it
+    labels[rest] = -1
+    grow(labels, rest, inside.astype(np.int8))
+    labels[rest & (labels < 0)] = doorway  # no other label is adjacent
 
 
 def _rectangle(
     gate: Gate, grid: OccupancyGrid, labels: NDArray[np.int16], depth_m: float
 ) -> NDArray[np.int64]:
-    """(n, 2) the labelled cells of a gate's rectangle that its opening leads to within it."""
-    edge = 1e-6 * grid.resolution_m  # cell centres on the edge are inside, whatever the heading
+    """(n, 2) the labelled cells of a gate's rectangle that are connected to its opening."""
+    edge = 1e-6 * grid.resolution_m  # so that cell centres on the edge are inside at any heading
     wider = grid.resolution_m + edge
-    opening = max(0.75 * grid.resolution_m - gate.depth_m / 2, 0.0)  # no diagonal step passes it
+    opening = max(0.75 * grid.resolution_m - gate.depth_m / 2, 0.0)  # blocks diagonal steps
     deeper = max(opening, (depth_m - gate.depth_m) / 2) + edge
     cells = gate.cells(grid, wider_m=wider, deeper_m=deeper)
     cells = cells[labels[cells[:, 0], cells[:, 1]] >= 0]

@@ -1,4 +1,4 @@
-"""The files of a labelled map: their names, the one writer of labels and places, the record."""
+"""Writing the files of a labelled map: labels, places, pictures and record."""
 
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import AbstractContextManager
@@ -48,7 +48,7 @@ from pgm_places.unary.halls import HALL
 
 
 class PageFacts(TypedDict, total=False):
-    """What ``index.html`` says besides the places: the folder's files, the map, warnings."""
+    """Contents of ``index.html`` besides the places: file names, map name, warnings."""
 
     names: Collection[str]
     map_name: str
@@ -71,7 +71,7 @@ SETTINGS = (SETTINGS_FILE, GATES_FILE)
 
 
 def output_file_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
-    """The files of a labelled map with these labels, its places included."""
+    """The names of all output files of a labelled map."""
     outputs = outputs or Outputs()
     probabilities = map(probability_file, labels) if outputs.probabilities else ()
     files = ("labels.png", "labels.yaml", "overview.png", SUMMARY_FILE, "check.csv")
@@ -87,12 +87,12 @@ def label_files(
     more: Sequence[str] = (),
     force: bool,
 ) -> AbstractContextManager[OutputSet]:
-    """The set of files that ``pgm-places label`` writes for a map, and ``more``.
+    """The output files of ``pgm-places label`` for a map, and ``more``.
 
     Raises
     ------
     InputError
-        The user's names in the folder cannot be read, which shows before the work.
+        The user's names of places in the folder cannot be read.
     """
     topology_files.read_own_names(folder)
     names = (*output_file_names(labels, outputs), *more)
@@ -104,18 +104,18 @@ MAX_BYTES = 64 << 20
 
 @dataclass(frozen=True, eq=False)
 class WrittenMap:
-    """A labelled map whose files are written.
+    """A labelled map after its files were written.
 
     Parameters
     ----------
     summary : str
-        One line: the area of each label and how the method ended.
+        One line with method, area of each label and status.
     labels : (H, W) int16
         Label index per free cell in the map's order, -1 elsewhere.
     area_m2 : dict of str to float
         Area of each label.
     warnings : tuple of str
-        Of the file, of the labelling and of the ids of places.
+        Warnings about the file, the labelling and the ids of places.
     topology : TopologicalMap
         The places.
     unentered : Unentered or None
@@ -147,13 +147,13 @@ def write_labelled(
             write_labels(result, source, files.stage, packing=packing, outputs=outputs)
         record, unentered = _record_of(result, source), result.unentered
         warnings, cells = (*source.warnings, *result.warnings), result.cells
-        # Those of a huge map wait in a file until its places are known.
+        # Arrays of a huge map are moved to a file until its places are known.
         if cells.beliefs is not None:
             cells = replace(cells, beliefs=set_aside(cells.beliefs, files.stage))
         if cells.hall is not None:
             cells = replace(cells, hall=set_aside(cells.hall, files.stage))
         names = output_file_names(result.label_names, outputs)
-        del result  # the labels of a huge map's nodes are not needed any more
+        del result  # frees the labels of a huge map's nodes
         trim_heap()
         with report_stage("places"), warnings_noted() as of_places:
             topology = write_places(
@@ -189,13 +189,13 @@ def write_places(
     picture: bool = True,
     page: PageFacts | None = None,
 ) -> TopologicalMap:
-    """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
+    """Find and write the topological map, with the ids of an earlier one in the folder.
 
-    ``picture`` says whether it is drawn, ``page`` what index.html says besides. The rules and the
-    gates are written as well, so that the same places can be found from the labels again.
+    ``picture`` draws it, ``page`` has further contents of index.html. Rules and gates are written,
+    too, so that the places can be reproduced from the labels.
     """
     settings = PlaceSettings(rules, separating_gates(cells.doorways, rules))
-    save_settings(files.stage, settings)  # first: a huge map has room for it now
+    save_settings(files.stage, settings)  # before the places of a huge map take memory
     topology = places_of(
         cells,
         rules,
@@ -215,13 +215,13 @@ def write_places(
 
 
 def earlier_places(folder: Path) -> PlaceIds | None:
-    """The ids of the places in a folder, None without any; a warning where they cannot be read."""
+    """The ids of the places in a folder, or None; a warning if they cannot be read."""
     if not places_path(folder).exists():
         return None
     try:
         return topology_files.load_topology(folder).known_places
     except InputError as error:
-        warn(f"{error}; places are numbered anew")
+        warn(f"{error}; places get new ids")
         return None
 
 
@@ -233,12 +233,11 @@ def write_labels(
     packing: Packing | None = None,
     outputs: Outputs | None = None,
 ) -> list[Path]:
-    """Write everything that ``pgm-places label`` promises; the paths written.
+    """Write labels, overview picture and probabilities; the paths.
 
-    ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``overview.png``
-    to look at; for programs, in ``details``, ``probability_<label>.png`` per label (0 to 255 for 0
-    to 1, 0 outside the free cells), and for halls where they are shown as corridors. ``outputs``
-    leaves some out.
+    ``labels.png`` and ``labels.yaml`` have the size of the map image. ``details`` has a
+    ``probability_<label>.png`` per label (0 to 255 for 0 to 1, 0 outside the free cells), and one
+    for halls that are shown as corridors.
     """
     outputs = outputs or Outputs()
     for name in result.label_names:
@@ -255,7 +254,7 @@ def write_labels(
 
 
 def _record_of(result: LabelledPlaces, source: MapFile) -> dict[str, object]:
-    """What ``summary.json`` says of a labelling; the areas are those of its places."""
+    """The content of ``summary.json``; the areas are added later."""
     status = result.labeling.status
     return {
         "map": shown_path(source.yaml_path),
@@ -285,7 +284,7 @@ def _write_overview(
 
 
 def label_record(folder: Path) -> dict[str, Any]:
-    """The record that ``label`` left in a folder, by ``summary.json``; empty without one."""
+    """The content of a folder's ``summary.json``; empty without the file."""
     path = detail_path(folder, SUMMARY_FILE)
     if not path.is_file():
         return {}
@@ -294,13 +293,13 @@ def label_record(folder: Path) -> dict[str, Any]:
 
 
 def labelled_map(folder: Path) -> Path | None:
-    """The map that was labelled into a folder; None where that is unknown or it has gone.
+    """The labelled map of a result folder; None if it is unknown or does not exist.
 
-    A relative path is looked up where the command runs, as it was when the map was labelled.
+    A relative path is relative to the current folder.
     """
     name = label_record(folder).get("map")
-    path_of_map = Path(name) if isinstance(name, str) else None
-    return path_of_map if path_of_map is not None and path_of_map.is_file() else None
+    path = Path(name) if isinstance(name, str) else None
+    return path if path is not None and path.is_file() else None
 
 
 def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
@@ -316,7 +315,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
     for name, share in shares.items():
         raster = result.on_map(_in_bytes(share), 0)
         size = (raster.shape[1], raster.shape[0])
-        # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
+        # Row 0 of an image is its top: -1 reads the raster from its end, without a copy.
         picture = Image.frombuffer("L", size, raster, "raw", "L", 0, -1)
         path = folder / probability_file(name)
         written.append(write_bytes(path, raster_png(picture)))
@@ -324,10 +323,10 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
 
 
 def _in_bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """(N,) shares from 0 to 1 as 0 to 255, piece by piece: temporary copies take four times it."""
+    """(N,) shares from 0 to 1 as 0 to 255, block by block, to bound the size of temporaries."""
     levels = np.empty(len(shares), np.uint8)
-    for some in row_blocks(len(shares)):
-        levels[some] = np.round(255 * shares[some])
+    for block in row_blocks(len(shares)):
+        levels[block] = np.round(255 * shares[block])
     return levels
 
 
@@ -341,18 +340,18 @@ def write_topology(
     picture: bool = True,
     page: PageFacts | None = None,
 ) -> list[Path]:
-    """Write the topological map's files and, as its ``picture``, ``topology.png``; the paths.
+    """Write the topological map's files, with ``picture`` also ``topology.png``; the paths.
 
-    ``index.html`` shows the places and lists the files of the folder. Where probabilities are
-    known, ``check.csv`` lists the places to check first.
+    ``index.html`` shows the places and lists the files of the folder. If there are probabilities,
+    ``check.csv`` lists the places to check first.
 
     Raises
     ------
     OutputError
-        Where a file cannot be written.
+        A file cannot be written.
     """
     written, packing = [], packing or Packing()
-    if picture:  # first: the largest is packed beside what follows
+    if picture:  # first: this largest picture is compressed in the background
         drawing = topology_drawing(grid, topology, title=title)
         written.append(packing.write(folder / "topology.png", drawing))
     facts, checks = page or {}, places_to_check(topology)

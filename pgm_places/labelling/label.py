@@ -1,4 +1,4 @@
-"""label: a map labelled by a loaded model, on the map's own raster."""
+"""Labelling a map with a loaded model, at the map's original resolution."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.map_model import CellScores
 
 FeaturesOf = Callable[[OccupancyGrid], CachedFeatures | None]
-"""The laser features of a map's free cells at the model's resolution, where some are cached."""
+"""Cached laser features of a map at the model's resolution, or None."""
 
 
 @public
@@ -52,11 +52,11 @@ def label_map(
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
-    """The map labelled by a fitted labeler, on the map's own raster.
+    """Label a map with a fitted labeler; labels have the map's original resolution.
 
-    Structured weights belong to one resolution. A map that is finer than the model is coarsened,
-    labelled, and its labels are painted back; one that is coarser is refined, labelled, and each
-    cell takes the most frequent label of its parts. A warning says so before the work begins.
+    Weights of a model are valid at one resolution. A map that is finer is coarsened for labelling,
+    and its labels are written at the original resolution. A map that is coarser is refined, and
+    each cell gets the most frequent label of its parts. A warning reports the resampling.
 
     Parameters
     ----------
@@ -65,27 +65,26 @@ def label_map(
     method : str, optional
         The labeler's default method if not given.
     known : (H, W) int, optional
-        Index into ``labeler.label_names_`` of cells whose label is known, -1 elsewhere: every
-        method keeps these labels and labels the other cells by them. Gates take part: one that is
-        known to be a doorway, or not to be one, parts places accordingly.
+        Observed labels: index into ``labeler.label_names_``, -1 elsewhere. They are fixed, and
+        influence the labels of other cells. Gates follow them: a gate observed as doorway, or as
+        another label, is accepted or rejected.
     entered : EnteredOptions, optional
-        Unreachable space gets no label, unless the options ask for it or the label is known; all
-        other cells have the same labels either way.
+        Unreachable space gets no label, unless the options request it or the label is observed.
+        Labels of other cells do not depend on this.
     features_of : callable, optional
-        Gives the laser features of a map's free cells, where some are cached: called with the map
-        at the model's resolution.
+        Returns cached laser features of the map at the model's resolution, or None.
     max_cells : int, optional
-        No map is refined to more cells than this; 100 million by default.
+        Most cells of a refined map; 100 million by default.
     n_threads, progress
-        Threads, and where stages are announced.
+        See :mod:`pgm_places.labelers.labeler`.
 
     Raises
     ------
     MapError
-        The map has no free cell, or none that is left at the model's resolution, or would have to
-        be refined to too many cells.
+        The map has no free cell, also at the model's resolution, or would have to be refined to too
+        many cells.
     LabelError
-        Known labels that do not fit the map or the labels.
+        Observed labels do not fit the map or the label names.
     """
     return label(
         LoadedModel(labeler, method or "", entered=entered or EnteredOptions()),
@@ -108,7 +107,7 @@ def label(
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
-    """The map labelled by a model: :func:`label_map` with the model's method and rules."""
+    """:func:`label_map` with a model's method and rules."""
     window = window_to_label(grid, model.labeler.resolution_m_)
     if window is not None:
         part = label(
@@ -127,24 +126,24 @@ def label(
 
 @dataclass(frozen=True, eq=False)
 class ScoredMap:
-    """A map at the resolution of a model, and the problem that its method has to solve.
+    """A map at the resolution of a model, and its labelling problem.
 
     Parameters
     ----------
     model : LoadedModel
     grid, used : OccupancyGrid
-        The map, and the same at the model's resolution.
+        The map, and the map at the model's resolution.
     observed : KnownCells or None
     warnings : tuple of str
     doorways : Doorways or None
-        The accepted gates, where the model knows any.
+        The accepted gates, if the model uses space features.
     layout : GridLayout
-        The cells behind the problem's nodes.
+        The cells of the problem's nodes.
     problem : LabelingProblem
     hall : (N,) float32 or None
-        The probability that a node's circulation is a hall.
-    kept : (LabelGraph, CellScores), optional
-        The scores of the cells and their graph, for other methods; a huge map has no room for them.
+        The probability that a node in circulation space (corridor or hall) is in a hall.
+    scores : (LabelGraph, CellScores), optional
+        The scores of the cells and their graph, for other methods; not stored for huge maps.
     """
 
     model: LoadedModel
@@ -156,24 +155,24 @@ class ScoredMap:
     layout: GridLayout
     problem: LabelingProblem
     hall: NDArray[np.float32] | None
-    kept: tuple[LabelGraph, CellScores] | None = None
+    scores: tuple[LabelGraph, CellScores] | None = None
 
     def by(self, method: str) -> "ScoredMap":
         """The problem of another method, from the cached scores."""
-        assert self.kept is not None  # asked for
+        assert self.scores is not None  # because of keep_scores
         model = replace(self.model, method=method)
-        return replace(self, model=model, problem=_problem(model, *self.kept, self.observed))
+        return replace(self, model=model, problem=_problem(model, *self.scores, self.observed))
 
     def labelled(self, independent: Backend | None = None) -> LabelledPlaces:
         """The map labelled by the method, or cell by cell; observed labels stay fixed."""
         model, observed = self.model, self.observed
         name = model.method if independent is None else "independent"
-        trim_heap()  # what scoring took
+        trim_heap()  # frees the memory of scoring
         with report_stage(f"labelling with {name}"):
             labeling = infer(independent or model.chosen.backend, self.problem)
             labeling = model.labeler.with_halls(labeling, self.hall)
         if observed is not None:
-            labeling = observed.kept(labeling, self.layout)
+            labeling = observed.enforced(labeling, self.layout)
         hall = model.labeler.hall_probability(labeling, self.hall)
         return on_own_raster(
             self.grid,
@@ -217,14 +216,14 @@ def score_map(
     max_cells: int | None = None,
     keep_scores: bool = False,
 ) -> ScoredMap:
-    """A map with its cells scored, as the model's method needs them.
+    """Score the cells of a map for the model's method.
 
     Parameters
     ----------
     model, grid, observed, cache, max_cells
-        As of :func:`label`.
+        See :func:`label`.
     keep_scores : bool
-        Keep the scores with segments, gates and places, for other methods and to explain them.
+        Store the scores with segments, gates and places, for other methods and explanations.
     """
     labeler = model.labeler
     used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)

@@ -1,4 +1,4 @@
-"""LoadedModel: a labeler with the rules that belong to it, from a folder, overrides applied."""
+"""LoadedModel: a stored labeler with its rules, and with overrides applied."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,25 +18,25 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class LoadedModel:
-    """A fitted labeler, its method and its rules: everything that decides labels and places.
+    """A fitted labeler, its method and its rules: all inputs of labelling besides the map.
 
     Parameters
     ----------
     labeler : PlaceLabeler
-        Fitted; it holds the doorway depth and the label of halls.
+        Fitted; has the options of doorway depth and halls.
     method : str, optional
         The labeler's default method if empty.
     rules : TopologyOptions, optional
-        Of topological maps.
+        Options of topological maps.
     entered : EnteredOptions, optional
-        Which free space is reachable.
+        Options of unreachable space.
     sha256 : str, optional
-        Of the model's manifest, which holds that of its arrays; empty for a model without a folder.
+        Hash of the model's manifest, which has the hash of its arrays; empty without a folder.
 
     Raises
     ------
     NotFittedError
-        The labeler has not learned.
+        The labeler is not fitted.
     ConfigError
         The labeler has no such method.
     """
@@ -51,23 +51,23 @@ class LoadedModel:
         self.labeler.check_fitted()
         if not self.method:
             object.__setattr__(self, "method", self.labeler.default_method)
-        self.labeler.method(self.method)  # an unknown one shows now
+        self.labeler.method(self.method)  # raises for an unknown method
 
     @classmethod
     def of(cls, model: "LoadedModel | PlaceLabeler") -> "LoadedModel":
-        """The model itself, or a labeler with the default rules."""
+        """A model, or a labeler with default rules as a model."""
         return model if isinstance(model, LoadedModel) else cls(model)
 
     @classmethod
     def load(cls, options: ModelOptions | None = None) -> Self:
-        """The stored model that the options name, with their overrides applied.
+        """Load the model of the options and apply their overrides.
 
         Raises
         ------
         ModelFileError
             There is no such model, or it is damaged.
         ConfigError
-            The model has no such method, or an option does not take its value.
+            The model has no such method, or an option has an invalid value.
 
         Examples
         --------
@@ -88,7 +88,7 @@ class LoadedModel:
             {"disc_radius_m": options.disc_radius_m, "unentered": options.unentered},
         )
         rules = with_given(stored.rules, {"doorways": options.doorways})
-        if not entered.unentered:  # no place that the robot cannot be in
+        if not entered.unentered:  # places have to be wide enough for the robot
             least = max(rules.min_clearance_m, entered.disc_radius_m)
             rules = with_given(rules, {"min_clearance_m": least})
         return cls(
@@ -97,7 +97,7 @@ class LoadedModel:
 
     @property
     def chosen(self) -> PlaceMethod:
-        """The method, with the scores that it starts from."""
+        """The method with its unary."""
         return self.labeler.method(self.method)
 
 
@@ -107,5 +107,5 @@ def _given(**values: object) -> dict[str, object]:
 
 
 def with_given(options: T, given: Mapping[str, object]) -> T:
-    """A model's options, those replaced that were given (are not None)."""
+    """A model's options, replaced by the given ones that are not None."""
     return from_mapping(type(options), {**option_values(options), **_given(**given)})

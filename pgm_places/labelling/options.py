@@ -1,4 +1,4 @@
-"""The choices of labelling: the model with its overrides, and the files to write."""
+"""Options of labelling: the model, its overrides, and the output files."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,12 +13,12 @@ _NONE = "none"
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files that may be left out.
+    """Optional output files.
 
     Parameters
     ----------
     pictures : bool
-        ``overview.png``, ``topology.png`` and, in a batch, ``thumbnail.png``: for people.
+        ``overview.png``, ``topology.png`` and, in a batch, ``thumbnail.png``.
     probabilities : bool
         ``probability_<label>.png``.
     """
@@ -28,12 +28,12 @@ class Outputs:
 
     @classmethod
     def named(cls, text: str) -> Self:
-        """Those that a list with commas names; ``none`` names none.
+        """Parse a list separated by commas, or ``none``.
 
         Raises
         ------
         InputError
-            There is no such kind of file.
+            A name is unknown.
 
         Examples
         --------
@@ -45,8 +45,8 @@ class Outputs:
         for name in names:
             if name not in known or (name == _NONE and len(names) > 1):
                 raise InputError(
-                    f"--outputs takes pictures, probabilities, both with a comma between, or none; "
-                    f"got {text!r}. {nearest_name(name, known)}"
+                    "--outputs must be pictures, probabilities, both separated by a comma, or "
+                    f"none; got {text!r}. {nearest_name(name, known)}"
                 )
         return cls(**{name: name in names for name in cls.__dataclass_fields__})
 
@@ -65,14 +65,13 @@ class ModelOptions:
         What separates places: gates, if the model finds any, or cells labelled as doorways; by
         default, as set in the model's [topology].
     halls : corridor|room|hall
-        What lobbies, foyers and other halls are labelled, if the model knows them; by default, as
+        Label of lobbies, foyers and other halls, if the model distinguishes them; by default, as
         set in the model's [labels].
     doorway_depth_m : M
-        How deep doorways are labelled along the passage; by default, as in the maps that the model
-        learned from (m).
+        Depth of doorways along the passage (m); by default, as in the model's training maps.
     disc_radius_m : float
     unentered : bool
-        As of :class:`~pgm_places.spaces.entered_options.EnteredOptions`; by default, as set in the
+        See :class:`~pgm_places.spaces.entered_options.EnteredOptions`; by default, as set in the
         model's [entered].
     """
 
@@ -92,16 +91,14 @@ class ModelOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions(ModelOptions):
-    """The choices of ``pgm-places label``, apart from the maps.
+    """Options of ``pgm-places label``.
 
     Parameters
     ----------
     unknown_value
-        Grey value of maps that is read as unknown, as for
-        :func:`~pgm_places.io.maps.map_server.load_map`.
+        Grey value of unknown cells: see :func:`~pgm_places.io.maps.map_server.load_map`.
     max_cells
-        Largest number of cells that a map coarser than the model is split into; 100 million by
-        default.
+        Most cells after refining a map that is coarser than the model; 100 million by default.
     outputs : Outputs
         The files to write besides labels and places.
     """

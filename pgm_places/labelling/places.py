@@ -1,4 +1,4 @@
-"""places_of: the places of a labelled map, by the rules of its model."""
+"""Finding the places of a labelled map with the rules of its model."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 
 def separating_gates(doorways: Doorways | None, rules: TopologyOptions) -> Doorways | None:
-    """The gates that separate places; None where labels do, by the rules or for want of gates."""
+    """The gates that separate places; None if labels do, by the rules or without gates."""
     gates = doorways if rules.doorways == "gates" else None
     return gates if gates is not None and len(gates) else None
 
@@ -33,8 +33,8 @@ def places_of(
     cells : LabelledCells
     rules : TopologyOptions
     ids : PlaceIds, optional
-        Earlier places, which keep their ids and names. A warning says where they are those of a map
-        with another origin, or of another map.
+        Earlier places, whose ids and names are reused. A warning is reported if they belong to a
+        map with another origin, or to another map.
     own_names : mapping of int to str, optional
         The user's names, by id.
     cuts : sequence of lines

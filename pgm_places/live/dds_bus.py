@@ -171,7 +171,13 @@ class DdsBus:
         self._classes: dict[str, Any] = {}
 
     def read(
-        self, what: str, topic: str, *, reliable: bool, kept: bool = False, depth: int = 10
+        self,
+        what: str,
+        topic: str,
+        *,
+        reliable: bool,
+        transient_local: bool = False,
+        depth: int = 10,
     ) -> None:
         """Subscribe to a topic.
 
@@ -183,13 +189,15 @@ class DdsBus:
             Its ROS name, from the root.
         reliable : bool
             Whether lost messages are sent again.
-        kept : bool
+        transient_local : bool
             Whether earlier messages are requested (transient local).
         depth : int
             How many messages wait to be taken.
         """
         subs = needed("cyclonedds.sub", extra="dds", purpose=PURPOSE)
-        entity, qos = self._topic(what, topic, reliable=reliable, kept=kept, depth=depth)
+        entity, qos = self._topic(
+            what, topic, reliable=reliable, transient_local=transient_local, depth=depth
+        )
         reader = subs.DataReader(self._participant, entity, qos=qos)
         states = self._cores
         condition = states.ReadCondition(
@@ -198,10 +206,14 @@ class DdsBus:
         self._waits.attach(condition)
         self._readers[what] = _Reader(topic, reader, condition)
 
-    def writer(self, what: str, topic: str, *, kept: bool = False, depth: int = 10) -> "DdsWriter":
-        """A reliable publisher of a topic; late subscribers receive ``kept`` messages."""
+    def writer(
+        self, what: str, topic: str, *, transient_local: bool = False, depth: int = 10
+    ) -> "DdsWriter":
+        """A reliable publisher; with ``transient_local``, late subscribers get the last message."""
         pubs = needed("cyclonedds.pub", extra="dds", purpose=PURPOSE)
-        entity, qos = self._topic(what, topic, reliable=True, kept=kept, depth=depth)
+        entity, qos = self._topic(
+            what, topic, reliable=True, transient_local=transient_local, depth=depth
+        )
         return DdsWriter(pubs.DataWriter(self._participant, entity, qos=qos), self._class_of(what))
 
     def take(self, on_message: Callable[[str, bytes], None]) -> int:
@@ -239,7 +251,7 @@ class DdsBus:
         qos = self._qos(what, **quality)
         return topics.Topic(self._participant, f"rt{topic}", self._class_of(what), qos=qos), qos
 
-    def _qos(self, what: str, *, reliable: bool, kept: bool, depth: int) -> Any:
+    def _qos(self, what: str, *, reliable: bool, transient_local: bool, depth: int) -> Any:
         util = needed("cyclonedds.util", extra="dds", purpose=PURPOSE)
         policy = self._cores.Policy
         wait = policy.Reliability.Reliable(util.duration(milliseconds=_BLOCKED_MS))
@@ -247,7 +259,7 @@ class DdsBus:
         type_hash = f"typehash={self.codec.store.hash_rihs01(TYPES[what])};"
         return self._cores.Qos(
             wait if reliable else policy.Reliability.BestEffort,
-            policy.Durability.TransientLocal if kept else policy.Durability.Volatile,
+            policy.Durability.TransientLocal if transient_local else policy.Durability.Volatile,
             policy.History.KeepLast(depth),
             policy.DataRepresentation(
                 use_cdrv0_representation=True, use_xcdrv2_representation=False

@@ -44,11 +44,15 @@ class DdsNode:
         self._options, self._complain, self._service = options, complain, service
         self._bus = DdsBus(_domain(options), network)
         name, out = options.full_name, options.full_name(options.output_namespace)
-        kept = options.map_subscribe_transient_local
+        transient_local = options.map_subscribe_transient_local
         # Transforms are read first, so that they are available to scans sent with them.
-        self._bus.read("tf_static", f"{name(options.tf_topic)}_static", reliable=True, kept=True)
+        self._bus.read(
+            "tf_static", f"{name(options.tf_topic)}_static", reliable=True, transient_local=True
+        )
         self._bus.read("tf", name(options.tf_topic), reliable=True, depth=100)
-        self._bus.read("map", name(options.map_topic), reliable=True, kept=kept, depth=1)
+        self._bus.read(
+            "map", name(options.map_topic), reliable=True, transient_local=transient_local, depth=1
+        )
         self._bus.read("map_updates", f"{name(options.map_topic)}_updates", reliable=True)
         self._bus.read("odom", name(options.odom_topic), reliable=False)
         self._bus.read("scan", name(options.scan_topic), reliable=False, depth=5)
@@ -58,7 +62,7 @@ class DdsNode:
             what: self._bus.writer(
                 what,
                 item.topic if item.topic.startswith("/") else f"{out}/{item.topic}",
-                kept=item.is_kept,
+                transient_local=item.transient_local,
                 depth=item.depth,
             )
             for what, item in OUTPUTS.items()

@@ -22,7 +22,7 @@ class Health:
     ----------
     n_placed, n_dropped, n_maps : int
         Numbers of scans with a published place, of dropped scans, and of labelled maps.
-    said : dict of str to (float, str)
+    reports : dict of str to (float, str)
         Time of the last complaint of each kind, on the clock of ``status``, and its text.
     last : FoundPlace or None
         The latest place.
@@ -35,7 +35,7 @@ class Health:
     n_placed: int = 0
     n_dropped: int = 0
     n_maps: int = 0
-    said: dict[str, tuple[float, str]] = field(default_factory=dict)
+    reports: dict[str, tuple[float, str]] = field(default_factory=dict)
     last: FoundPlace | None = None
     heard_s: float = -inf
     silent_s: float = inf
@@ -46,7 +46,7 @@ class Health:
             return WARN, "no scan has come yet"
         if now_s - self.heard_s > self.silent_s:
             return ERROR, "no scans come"
-        fresh = [(when, text) for when, text in self.said.values() if now_s - when < FRESH_S]
+        fresh = [(when, text) for when, text in self.reports.values() if now_s - when < FRESH_S]
         if fresh:
             return WARN, max(fresh)[1]
         if self.last is None:

@@ -342,9 +342,9 @@ class LiveNode:
 
     def _complain(self, kind: str, text: str) -> None:
         """Report a problem, unless its kind was reported within the last seconds."""
-        before, _ = self._health.said.get(kind, (-np.inf, ""))
+        before, _ = self._health.reports.get(kind, (-np.inf, ""))
         if self._now_s - before >= AGAIN_S:
-            self._health.said[kind] = (self._now_s, text)
+            self._health.reports[kind] = (self._now_s, text)
             self._say(text)
 
     def _drop(self, kind: str, text: str) -> None:

@@ -67,7 +67,7 @@ class Replay:
         """The place of each scan, and between them the labelled maps."""
         ranges, geometry = self.drive.ranges_m, self.drive.geometry
         assert ranges is not None and geometry is not None  # checked in the constructor
-        maps = _Sent(self.maps) if self.maps else _Drawn(self.drive)
+        maps = _SentMaps(self.maps) if self.maps else _Drawn(self.drive)
         labelled_s = -np.inf
         clock_s = self.drive.times_s  # the clock of the options
         if self.counts_metres:
@@ -88,7 +88,7 @@ class Replay:
             yield self.live_map.on_map(last)
 
 
-class _Sent:
+class _SentMaps:
     """The maps of a bag."""
 
     def __init__(self, maps: Sequence[MapMessage]) -> None:

@@ -90,29 +90,29 @@ SHOWN = ("label_map", "markers", "topology", "places")
 """Outputs for a map; late subscribers receive the last message."""
 
 
-class Output(NamedTuple):
+class OutputTopic(NamedTuple):
     """The topic and quality of service of an output.
 
     Parameters
     ----------
     topic : str
         Below the output namespace, unless it begins with a slash.
-    is_kept : bool
+    transient_local : bool
         Whether late subscribers receive the last message.
     depth : int
         How many messages wait to be sent.
     """
 
     topic: str
-    is_kept: bool
+    transient_local: bool
     depth: int
 
 
 OUTPUTS = {
-    "place": Output("place", is_kept=False, depth=10),
-    "current_place": Output("current_place", is_kept=False, depth=10),
-    "diagnostics": Output("/diagnostics", is_kept=False, depth=10),
-    **{what: Output(what, is_kept=True, depth=1) for what in SHOWN},
+    "place": OutputTopic("place", transient_local=False, depth=10),
+    "current_place": OutputTopic("current_place", transient_local=False, depth=10),
+    "diagnostics": OutputTopic("/diagnostics", transient_local=False, depth=10),
+    **{what: OutputTopic(what, transient_local=True, depth=1) for what in SHOWN},
 }
 """All outputs, published reliably; their types are in ``ros_codec.TYPES``."""
 

@@ -1,4 +1,4 @@
-"""A backend as plain data: its registered name, its options, and its learned arrays."""
+"""Backends as plain data: registered name, options and learned arrays."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ KIND = "backend"
 
 
 def dump(backend: Backend, label_names: Sequence[str] = ()) -> tuple[dict[str, Any], Arrays]:
-    """The manifest and the arrays of a backend by itself.
+    """The manifest and the arrays of a backend.
 
-    The label names are stored with it, because learned weights apply to these labels only.
+    The label names are included, because learned weights apply to these labels only.
     """
     arrays: Arrays = {}
     names = [str(name) for name in label_names]
@@ -26,36 +26,36 @@ def dump(backend: Backend, label_names: Sequence[str] = ()) -> tuple[dict[str, A
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> Any:
-    """The backend that :func:`dump` described so."""
+    """The backend of :func:`dump`."""
     return load_backend(arrays, KIND, manifest)
 
 
 def dump_backend(arrays: Arrays, prefix: str, backend: Any) -> dict[str, Any]:
-    """The backend as plain data; its learned arrays go into ``arrays`` under the prefix."""
-    kept = []
-    for item in dataclasses.fields(backend):
-        value = getattr(backend, item.name)
-        if item.metadata.get("learned") and value is not None:
-            arrays[f"{prefix}/{item.name}"] = np.asarray(value)
-            kept.append(item.name)
+    """The backend as plain data; its learned arrays are added to ``arrays`` under the prefix."""
+    learned = []
+    for field in dataclasses.fields(backend):
+        value = getattr(backend, field.name)
+        if field.metadata.get("learned") and value is not None:
+            arrays[f"{prefix}/{field.name}"] = np.asarray(value)
+            learned.append(field.name)
     return {
         "backend": METHODS.name_of(type(backend)),
         "options": option_values(backend),
-        "learned": kept,
+        "learned": learned,
     }
 
 
 def load_backend(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
-    """The backend that :func:`dump_backend` described."""
+    """The backend of :func:`dump_backend`."""
     name = record["backend"]
-    backend = METHODS.restored(name, record["options"])
-    known = {item.name for item in dataclasses.fields(backend) if item.metadata.get("learned")}
+    backend = METHODS.from_saved(name, record["options"])
+    known = {field.name for field in dataclasses.fields(backend) if field.metadata.get("learned")}
     values = {}
     for field_name in record["learned"]:
         if field_name not in known:
-            raise ModelFileError(f"{prefix}: {name} learns no {field_name!r}")
+            raise ModelFileError(f"{prefix}: {name} has no learned array {field_name!r}")
         values[field_name] = arrays[f"{prefix}/{field_name}"]
-    restored = dataclasses.replace(backend, **values)
-    if isinstance(restored, LearnedNames):
-        _ = restored.learned_names  # bytes of a damaged file may be no text
-    return restored
+    fitted = dataclasses.replace(backend, **values)
+    if isinstance(fitted, LearnedNames):
+        _ = fitted.learned_names  # raises if a damaged file holds invalid text
+    return fitted

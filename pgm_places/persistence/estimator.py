@@ -1,11 +1,10 @@
-"""Fitted scikit-learn estimators as plain data: those whose state is numbers, and pipelines.
+"""Fitted scikit-learn estimators with numeric state, and pipelines of them, as plain data.
 
-scikit-learn itself stores estimators by pickle, which runs code of the file's choosing. Here a
-class is known by name, its parameters are JSON, and what it has learned are arrays and numbers.
+scikit-learn itself uses pickle, which runs code from the file. Here, a class is identified by name,
+its parameters are JSON, and its learned state consists of arrays and numbers.
 
-skops stores more classes, but what it loads is chosen by type names in the file against a list of
-trusted ones, its archive would stand beside the manifest that says what a model is, and these few
-classes would still have to be read from the models that earlier versions saved.
+skops supports more classes. But it trusts type names in the file, its archive would be a second
+file besides the manifest, and models of earlier versions would still need this code.
 """
 
 import importlib
@@ -28,7 +27,7 @@ ESTIMATORS: Mapping[str, str] = {
     "Pipeline": "sklearn.pipeline",
     "StandardScaler": "sklearn.preprocessing",
 }
-"""What can be stored: class to module."""
+"""Supported classes and their modules."""
 
 Record = dict[str, object]
 
@@ -36,20 +35,20 @@ _PLAIN = (bool, int, float, str, type(None))
 
 
 def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
-    """A fitted estimator as plain data; its arrays go into ``arrays`` under the prefix.
+    """A fitted estimator as plain data; its arrays are added to ``arrays`` under the prefix.
 
     Raises
     ------
     OutputError
-        Its class is none of ``ESTIMATORS``, or a parameter is not a plain value.
+        Its class is not in ``ESTIMATORS``, or a parameter is not a plain value.
     """
     name = type(estimator).__name__
     if ESTIMATORS.get(name) is None or type(estimator) is not _class(name):
         raise OutputError(
-            f"{name} cannot be saved: its state is not plain numbers. What can be: "
-            f"{', '.join(sorted(ESTIMATORS))}. For another classifier, save what it says: make "
-            "problems with LabelingProblem.from_probabilities, and give StructuredLabeler no "
-            "classifier"
+            f"{name} cannot be saved: its state is not plain numbers. Supported: "
+            f"{', '.join(sorted(ESTIMATORS))}. For another classifier, save its probabilities: "
+            "make problems with LabelingProblem.from_probabilities, and use StructuredLabeler "
+            "without a classifier"
         )
     if name == "Pipeline":
         steps = [
@@ -67,17 +66,17 @@ def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
 
 
 def load_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
-    """The fitted estimator that :func:`dump_estimator` described.
+    """The fitted estimator of :func:`dump_estimator`.
 
     Raises
     ------
     ModelFileError
-        The record names another class, or does not fit this version's.
+        The class is unsupported, or the record does not fit this version of it.
     """
     if record["class"] == "Pipeline":
         steps = [
-            (label, load_estimator(arrays, f"{prefix}/{label}", part))
-            for label, part in record["steps"]
+            (label, load_estimator(arrays, f"{prefix}/{label}", inner))
+            for label, inner in record["steps"]
         ]
         return _class("Pipeline")(steps)
     estimator = unfitted_estimator(record)
@@ -88,30 +87,32 @@ def load_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> An
     learned = {**{key: own[key] for key in record["arrays"]}, **record["numbers"]}
     for key, value in learned.items():
         if not key.endswith("_") or key.startswith("_"):
-            raise ModelFileError(f"{type(estimator).__name__} learns no {key!r}")
+            raise ModelFileError(f"{type(estimator).__name__} has no learned attribute {key!r}")
         setattr(estimator, key, np.asarray(value) if isinstance(value, list) else value)
     return estimator
 
 
 def unfitted_estimator(record: Mapping[str, Any]) -> Any:
-    """The estimator of a record before it was fitted.
+    """The unfitted estimator of a record.
 
     Raises
     ------
     ModelFileError
-        The record names another class or parameter than this version knows.
+        The class or a parameter is unknown to this version.
     """
     name = record["class"]
     if name not in ESTIMATORS:
         raise ModelFileError(f"a classifier {name!r} cannot be loaded; known: {list(ESTIMATORS)}")
     if name == "Pipeline":
-        return _class(name)([(label, unfitted_estimator(part)) for label, part in record["steps"]])
+        return _class(name)(
+            [(label, unfitted_estimator(inner)) for label, inner in record["steps"]]
+        )
     try:
         return _class(name)(**record["params"])
     except TypeError as error:
         raise ModelFileError(
-            f"the installed scikit-learn's {name} does not take the stored parameters ({error}); "
-            "install the version that the model was saved with, or fit again"
+            f"{name} of the installed scikit-learn rejects the stored parameters ({error}); "
+            "install the version that the model was saved with, or train again"
         ) from None
 
 
@@ -120,7 +121,7 @@ def _class(name: str) -> Any:
 
 
 def _changed_params(estimator: Any) -> dict[str, Any]:
-    """The parameters that are not at their defaults, which differ between versions."""
+    """The parameters with other values than the defaults, which differ between versions."""
     defaults = inspect.signature(type(estimator)).parameters
     return {
         key: value
@@ -132,8 +133,8 @@ def _changed_params(estimator: Any) -> dict[str, Any]:
 def _plain(name: str, key: str, value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
-    parts = value if isinstance(value, list | tuple) else [value]
-    if not all(isinstance(part, _PLAIN) for part in parts):
+    values = value if isinstance(value, list | tuple) else [value]
+    if not all(isinstance(each, _PLAIN) for each in values):
         raise OutputError(
             f"{name} cannot be saved: its parameter {key} is a {type(value).__name__}; use "
             "numbers, strings or lists of them"
@@ -142,7 +143,7 @@ def _plain(name: str, key: str, value: Any) -> Any:
 
 
 def _dump_state(arrays: Arrays, prefix: str, estimator: object) -> Record:
-    """The attributes that fitting set, which scikit-learn names with a trailing underscore."""
+    """The fitted attributes, whose names end with an underscore."""
     names, numbers = [], {}
     for key, value in vars(estimator).items():
         if not key.endswith("_") or key.startswith("_"):

@@ -1,4 +1,4 @@
-"""A fitted JointLabeler as plain data: the manifests and arrays of its parts, and its method's."""
+"""A fitted JointLabeler as plain data: its two labelers and its method."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -30,21 +30,21 @@ def dump(labeler: JointLabeler) -> tuple[dict[str, Any], Arrays]:
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> JointLabeler:
-    """The labeler that :func:`dump` described so."""
+    """The labeler of :func:`dump`."""
     names = tuple(str(name) for name in manifest["label_names"])
     method = load_backend(arrays, "method", manifest["method"])
-    parts = {
+    labelers = {
         name: codec.load(manifest[name], below(arrays, name)) for name, codec in CODECS.items()
     }
-    for name, part in parts.items():
-        if part.label_names_ != names:
-            raise ModelFileError(f"{name} has labels {list(part.label_names_)}, not {list(names)}")
+    for name, inner in labelers.items():
+        if inner.label_names_ != names:
+            raise ModelFileError(f"{name} has labels {list(inner.label_names_)}, not {list(names)}")
     labeler = JointLabeler(names, unfitted(method), **manifest["options"])
     labeler.check_options()
     weight = check_option("link_weight", Positive | None, manifest["link_weight"])
     return labeler.set_learned(
-        places_=parts["places"],
-        steps_=parts["steps"],
+        places_=labelers["places"],
+        steps_=labelers["steps"],
         method_=method,
         link_weight_=weight,
         label_names_=names,

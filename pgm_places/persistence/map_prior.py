@@ -1,4 +1,4 @@
-"""Reading a map that ``pgm-places label`` labelled beforehand, to look up poses on it."""
+"""Reading a labelled map as a prior of positions."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,14 +15,14 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 
 class LabelledMapFolder(NamedTuple):
-    """What a labelled map says of positions.
+    """A labelled map, read from its folder.
 
     Parameters
     ----------
     prior : MapPrior
-        How probable each label is there.
+        Label probabilities at positions.
     places : TopologicalMap
-        Which region is there.
+        Places at positions.
     """
 
     prior: MapPrior
@@ -30,9 +30,9 @@ class LabelledMapFolder(NamedTuple):
 
 
 def read_labelled_map(folder: Path | str, label_names: Sequence[str]) -> LabelledMapFolder:
-    """The labels, probabilities and regions in a folder that ``pgm-places label`` wrote.
+    """The labels, probabilities and places in a folder written by ``pgm-places label``.
 
-    Where the method had no probabilities, the labels of the regions are taken.
+    Without probabilities, the labels of the places are used.
 
     Parameters
     ----------

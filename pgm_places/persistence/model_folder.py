@@ -1,7 +1,7 @@
-"""A model as a folder of data: manifest.json, and arrays.safetensors for the numbers.
+"""Model folders: manifest.json and arrays.safetensors.
 
-No pickle anywhere: loading a model runs no code of the file's choosing. safetensors checks its own
-header against the file's size before it allocates anything.
+There is no pickle: loading a model runs no code from the files. safetensors checks its header
+against the file size before it allocates memory.
 """
 
 import hashlib
@@ -28,34 +28,34 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def below(arrays: Mapping[str, NDArray[Any]], prefix: str) -> Arrays:
-    """The arrays ``prefix/NAME`` by their names."""
+    """The arrays named ``prefix/NAME``, by ``NAME``."""
     start = f"{prefix}/"
     return {key.removeprefix(start): a for key, a in arrays.items() if key.startswith(start)}
 
 
 def put_below(arrays: Arrays, prefix: str, parts: Mapping[str, NDArray[Any]]) -> None:
-    """Add arrays by the names ``prefix/NAME``."""
+    """Add arrays with the names ``prefix/NAME``."""
     arrays.update({f"{prefix}/{key}": array for key, array in parts.items()})
 
 
 def save_folder(path: Path | str, manifest: Mapping[str, Any], arrays: Arrays) -> Path:
-    """The folder, written as a whole or not at all; a model that stood there is replaced.
+    """Write a model folder atomically; an existing model is replaced.
 
     Parameters
     ----------
     path : Path
         The folder. It must be absent, empty, or itself a model.
     manifest : mapping
-        Plain data that JSON can hold, with a text ``kind`` that says what the model is.
+        JSON data with a text ``kind``, the kind of model.
     arrays : dict of str to array
         Booleans, integers and floats of any shape, without NaN.
 
     Raises
     ------
     ModelFileError
-        Where the content cannot be stored.
+        The content cannot be stored.
     OutputError
-        Where the folder cannot be written or something else stands there.
+        The folder cannot be written, or is not a model.
     """
     from safetensors.numpy import save
 
@@ -72,7 +72,7 @@ def save_folder(path: Path | str, manifest: Mapping[str, Any], arrays: Arrays) -
             name: {"shape": list(array.shape), "dtype": array.dtype.name}
             for name, array in stored.items()
         },
-        "may_hold_nan": [],  # the version before wants to read it
+        "may_hold_nan": [],  # required by the previous version
         "content": dict(manifest),
     }
     try:
@@ -86,21 +86,21 @@ def save_folder(path: Path | str, manifest: Mapping[str, Any], arrays: Arrays) -
 
 
 def _json_lines(value: Any, levels: int) -> str:
-    """JSON with a line per key of the outermost objects: to be read, compared and yet small."""
+    """JSON with one line per key of the outermost objects: readable, and good for diff."""
     if not levels or not isinstance(value, dict) or not value:
         return json.dumps(value, allow_nan=False)
-    lines = [f"{json.dumps(key)}: {_json_lines(item, levels - 1)}" for key, item in value.items()]
+    lines = [f"{json.dumps(key)}: {_json_lines(inner, levels - 1)}" for key, inner in value.items()]
     return "{\n" + ",\n".join(lines) + "\n}"
 
 
 def load_folder(path: Path | str) -> tuple[dict[str, Any], Arrays]:
-    """The manifest and the read-only arrays that ``save_folder`` was given.
+    """The manifest and the arrays (read-only) of a model folder.
 
     Raises
     ------
     ModelFileError
-        Where the folder is missing or no model, a file is missing, damaged or changed since it was
-        written, or an array holds NaN.
+        The folder is missing or not a model, a file is missing, damaged or was changed, or an array
+        holds NaN.
     """
     folder = user_path(path, ModelFileError)
     kind = file_kind(folder)
@@ -119,27 +119,28 @@ def load_folder(path: Path | str) -> tuple[dict[str, Any], Arrays]:
 
 @contextmanager
 def readable(folder: Path | str) -> Iterator[None]:
-    """What a damaged or foreign model makes fail, as one clear line that names the folder."""
+    """Convert errors from a damaged or foreign model to one line that names the folder."""
     try:
         yield
     except PgmPlacesError as error:
         raise ModelFileError(f"{folder}: {_shortened(str(error))}") from None
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise ModelFileError(
-            f"{folder}/{MANIFEST} is not what this version writes ({quoted(error)}); train again"
+            f"{folder}/{MANIFEST} does not have the format of this version ({quoted(error)}); "
+            "train again"
         ) from None
 
 
 def _shortened(message: str) -> str:
-    """A message without its middle where it quotes a thousand numbers of a foreign file."""
+    """A message with its middle cut out if it is too long."""
     return message if len(message) <= 600 else f"{message[:400]} ... {message[-150:]}"
 
 
 def is_model(path: Path | str) -> bool:
-    """Whether a folder holds a model and nothing else, so that it may be replaced by another."""
+    """Whether a folder holds only a model, so that it may be replaced."""
     folder = Path(path)
     try:
-        if {item.name for item in folder.iterdir()} - {MANIFEST, ARRAYS}:
+        if {file.name for file in folder.iterdir()} - {MANIFEST, ARRAYS}:
             return False
         return bool(_manifest(folder))
     except (OSError, ModelFileError):
@@ -147,12 +148,12 @@ def is_model(path: Path | str) -> bool:
 
 
 def check_target(path: Path | str) -> None:
-    """Refuse a path that ``save_folder`` would refuse; for before a long computation.
+    """Check before a long computation that ``save_folder`` can write to a path.
 
     Raises
     ------
     OutputError
-        Where nothing can be written or something other than a model stands there.
+        The folder cannot be written, or is not a model.
     """
     check_folder_target(path, replaces=is_model)
 
@@ -166,11 +167,11 @@ def _storable(folder: Path, name: str, array: NDArray[Any]) -> NDArray[Any]:
         )
     _check_numbers(folder, name, array)
     native = array.astype(array.dtype.newbyteorder("="), copy=False)
-    return np.asarray(native, order="C")  # keeps a shape of () as it is
+    return np.asarray(native, order="C")  # preserves the shape ()
 
 
 def _check_numbers(folder: Path, name: str, array: NDArray[Any]) -> None:
-    """Thresholds may be infinite; NaN is a sign of damage."""
+    """Reject NaN, a sign of damage; thresholds may be infinite."""
     if array.dtype.kind == "f" and np.isnan(array).any():
         raise ModelFileError(
             f"{folder}: array {name!r} holds {int(np.isnan(array).sum())} NaN of {array.size} "
@@ -202,8 +203,8 @@ def _arrays(path: Path, sha256: str) -> Arrays:
     data = read_bytes(path, ModelFileError, "the arrays of a model", max_bytes=MAX_ARRAYS)
     if hashlib.sha256(data).hexdigest() != sha256:
         raise ModelFileError(
-            f"{path} is not the file that {MANIFEST} describes (its SHA-256 differs): it was "
-            "damaged or replaced; copy the folder again or train again"
+            f"{path}: the SHA-256 differs from {MANIFEST}, so the file was damaged or replaced; "
+            "copy the folder again or train again"
         )
     try:
         return load(data)

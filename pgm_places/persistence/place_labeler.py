@@ -33,7 +33,7 @@ OPTIONS = (
     "whole_spaces",
     "doorway_depth_m",
 )
-"""What learning reads, kept so that a loaded labeler can be fitted again, and how it labels."""
+"""Stored options: for another fit of the loaded labeler, and for labelling."""
 
 
 def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
@@ -74,19 +74,19 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
-    """The labeler that :func:`dump` described so.
+    """The labeler of :func:`dump`.
 
-    The unfitted classifier is not kept, as labelling does without scikit-learn: a labeler that is
-    fitted again after loading takes the default one, unless it is given another.
+    The unfitted classifier is not stored, so that labelling does not need scikit-learn. Another fit
+    of the loaded labeler uses the default classifier.
     """
     parts.check_feature_set(manifest)
     resolution_m = check_option("resolution_m", float, manifest["resolution_m"])
     check_resolution(resolution_m)
     unary = _unary_model(manifest, arrays)
     methods = {
-        name: PlaceMethod(load_backend(arrays, f"method/{name}", item), item["unary"])
-        for item in manifest["methods"]
-        for name in [item["name"]]
+        name: PlaceMethod(load_backend(arrays, f"method/{name}", entry), entry["unary"])
+        for entry in manifest["methods"]
+        for name in [entry["name"]]
     }
     choice = manifest.get("unary_choice")  # absent from models saved by earlier versions
     record = manifest.get("movement")  # absent from models saved by earlier versions
@@ -102,7 +102,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         context_m=unary.context_m,
         space=None if unary.space is None else SpaceOptions(),
         features=unary.features,
-        halls=manifest.get("halls", "corridor"),  # only where the model knows them
+        halls=manifest.get("halls", "corridor"),  # absent from models without halls
         floor=unary.floor,
         **manifest.get("options", {}),  # absent from models saved by earlier versions
     )
@@ -119,7 +119,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
 
 
 def check_savable(labeler: PlaceLabeler) -> None:
-    """Refuse a labeler that could not be saved, for before a long training.
+    """Check before a long training that the labeler can be saved.
 
     Raises
     ------
@@ -175,8 +175,8 @@ def _load_space(
         return None
     if record["feature_set"] not in (space_features_hash(), *EARLIER_SPACE_FEATURES):
         raise ModelFileError(
-            "it was trained with another definition of the features of spaces; train it again with "
-            "this version"
+            "the model was trained with another definition of the space features; train it again "
+            "with this version"
         )
     doorway, gates = record["doorway"], record["gates"]
     corridor = record.get("corridor")  # absent from models saved by earlier versions

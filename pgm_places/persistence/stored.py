@@ -1,4 +1,4 @@
-"""Saving and loading: one pair of functions for labelers and backends alike."""
+"""Saving and loading of labelers and backends."""
 
 import importlib
 from collections.abc import Mapping, Sequence
@@ -26,15 +26,15 @@ USES = {
     "structured-labeler": "pgm_places.load(folder) in Python",
     "backend": "pgm_places.load(folder) in Python",
 }
-"""What to use each kind with, for those who try it elsewhere."""
+"""The command or function for each kind of model, for error messages."""
 
 KINDS = tuple(USES)
-"""What a manifest says a folder holds."""
+"""Kinds of stored models, as in the manifest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """A folder's content.
+    """The content of a model folder.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class Stored:
     label_names : tuple of str
         The labels that were learned.
     record : mapping
-        How it was trained, word for word as it was saved.
+        How it was trained, unchanged since it was saved.
     rules : TopologyOptions
-        The options of topological maps in the record; the paper's where there are none.
+        The options of topological maps in the record; the paper's by default.
     entered : EnteredOptions
-        What the record counts as entered; the defaults where it says nothing.
+        The options of unreachable space in the record, or the defaults.
     """
 
     kind: str
@@ -67,9 +67,9 @@ def save(
     label_names: Sequence[str] = (),
     record: Mapping[str, Any] | None = None,
 ) -> Path:
-    """The folder with a fitted labeler or a backend in it: manifest.json and arrays.safetensors.
+    """Save a fitted labeler or a backend as a folder: manifest.json and arrays.safetensors.
 
-    Data only, without pickle, so that loading it runs no code of the file's choosing.
+    The files are data without pickle, so loading them runs no code.
 
     Parameters
     ----------
@@ -78,18 +78,18 @@ def save(
     folder : Path
         Absent, empty, or a model, which is then replaced.
     label_names : sequence of str
-        The labels that a backend was fitted on; a labeler knows its own.
+        The labels that a backend was fitted on; not for labelers, which store their own.
     record : mapping, optional
         How it was trained, as plain data; stored unchanged.
 
     Raises
     ------
     NotFittedError
-        The labeler has not learned.
+        The labeler is not fitted.
     OutputError
-        Something in it cannot be stored as data, or the folder cannot be written.
+        A value cannot be stored as data, or the folder cannot be written.
     InputError
-        The record's ``config`` has a ``topology`` that is none.
+        The ``topology`` in the record's ``config`` is invalid.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def save(
     if isinstance(item, Labeler):
         item.check_fitted()
         if label_names:
-            raise InputError("a labeler knows its label names; leave label_names out")
+            raise InputError("a labeler stores its own label names; omit label_names")
     elif label_names:
         names = (label_names,)
     manifest, arrays = _codec(kind).dump(item, *names)
@@ -114,7 +114,7 @@ def save(
 
 @public
 def load(folder: Path | str) -> Any:
-    """The labeler or the backend in a folder that :func:`save` wrote, also an earlier version's.
+    """The labeler or backend in a folder written by :func:`save` of this or an earlier version.
 
     Raises
     ------
@@ -126,12 +126,12 @@ def load(folder: Path | str) -> Any:
 
 
 def read(folder: Path | str, *kinds: str) -> Stored:
-    """What a folder holds, with its training record; of these kinds only, where some are named.
+    """The content of a model folder with its training record, if it is one of ``kinds``.
 
     Raises
     ------
     ModelFileError
-        As of :func:`load`, or the folder holds another kind.
+        See :func:`load`; or the folder holds another kind.
     """
     manifest, arrays = load_folder(folder)
     kind = manifest.get("kind")
@@ -150,7 +150,7 @@ def read(folder: Path | str, *kinds: str) -> Stored:
 
 
 def _options_of(record: object) -> tuple[TopologyOptions, EnteredOptions]:
-    """How places are found and what counts as entered, checked; the defaults without a record."""
+    """The checked options of topological maps and of unreachable space in a record."""
     config = _table("record.config", _table("record", record).get("config", {}))
     paths = {name: f"record.config.{name}" for name in ("topology", "entered")}
     tables = {name: _table(path, config.get(name, {})) for name, path in paths.items()}
@@ -176,5 +176,5 @@ def _kind_of(item: object) -> str:
 
 
 def _codec(kind: str) -> ModuleType:
-    """The module that turns a kind into data and back; others' imports are spared."""
+    """The module that dumps and loads a kind; imported only when needed."""
     return importlib.import_module(f"pgm_places.persistence.{kind.replace('-', '_')}")

@@ -19,8 +19,7 @@ OPTIONS = ("learn_on", "n_folds", "min_probability", "metric")
 def dump(labeler: StructuredLabeler) -> tuple[dict[str, Any], Arrays]:
     """The manifest and the arrays of a fitted labeler.
 
-    Its classifier is None or one whose state is plain numbers: see
-    :data:`pgm_places.persistence.estimator.ESTIMATORS`.
+    Its classifier is None or one of :data:`pgm_places.persistence.estimator.ESTIMATORS`.
     """
     arrays: Arrays = {}
     classifier = None
@@ -39,7 +38,7 @@ def dump(labeler: StructuredLabeler) -> tuple[dict[str, Any], Arrays]:
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> StructuredLabeler:
-    """The labeler that :func:`dump` described so."""
+    """The labeler of :func:`dump`."""
     backend = load_backend(arrays, "backend", manifest["backend"])
     record, before, fitted = manifest["classifier"], None, None
     if record is not None:
@@ -61,7 +60,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> StructuredLabeler:
 
 
 def _try_out(classifier: Any, n_labels: int) -> None:
-    """Ask a restored classifier for one node, so that damaged numbers are noticed here."""
+    """Run a loaded classifier on one node, so that damaged numbers are detected here."""
     classes, n_features = np.asarray(classifier.classes_), classifier.n_features_in_
     classes = integer_array("classes_", classes, ("C",), low=0, high=n_labels)
     if type(n_features) is not int or not 1 <= n_features <= MOST_FEATURES:

@@ -14,8 +14,7 @@ from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
 
 OPTIONS = ("n_folds", "n_runs", "seed", "loop_m")
-"""Plain options; those that only learning reads are kept so that a loaded labeler can be fitted
-again."""
+"""Stored options: for another fit of the loaded labeler, and for labelling."""
 
 
 def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
@@ -40,12 +39,12 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
-    """The labeler that :func:`dump` described; the unfitted classifier is not stored."""
+    """The labeler of :func:`dump`; the unfitted classifier is not stored."""
     parts.check_feature_set(manifest)
     names = tuple(str(name) for name in manifest["label_names"])
     extra_names = tuple(str(name) for name in manifest["extra_names"])
     features = parts.load_features(manifest)
-    sees_spaces = bool(manifest.get("sees_spaces", False))  # absent before it could be so
+    sees_spaces = bool(manifest.get("sees_spaces", False))  # absent from earlier versions
     n_all = n_columns(features) + sees_spaces * N_LOCAL_SPACE_FEATURES + len(extra_names)
     classifier = parts.load_list(arrays, "classifier", manifest["classifier"], n_all, len(names))
     sensor = parts.load_sensor(manifest["sensor"])

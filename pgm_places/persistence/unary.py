@@ -19,14 +19,13 @@ from pgm_places.unary.floor_model import FloorModel
 _OPTIONS = ("views_per_network", "share", "doorway_share", "gate_share")
 
 _SHIPPED = Path(__file__).resolve().parents[1] / "trained" / "default"
-"""The model whose networks others share."""
+"""The shipped model, whose networks other models refer to."""
 
 
 def dump_floor(arrays: Arrays, floor: FloorModel, *, name_shipped: bool = False) -> dict[str, Any]:
-    """The record of some networks; they themselves go into the arrays.
+    """The record of floor networks, whose weights are added to the arrays.
 
-    With ``name_shipped``, those of the shipped model are only named: they would be half of the
-    folder.
+    With ``name_shipped``, networks of the shipped model are only named, which halves the folder.
     """
     options = {"columns": list(floor.columns)} | {name: getattr(floor, name) for name in _OPTIONS}
     packed = [network.packed() for network in floor.networks]
@@ -41,12 +40,12 @@ def dump_floor(arrays: Arrays, floor: FloorModel, *, name_shipped: bool = False)
 def load_floor(
     record: Mapping[str, Any] | None, arrays: Arrays, n_labels: int
 ) -> FloorModel | None:
-    """The networks of a record, if there is one.
+    """The floor networks of a record, or None.
 
     Raises
     ------
     ModelFileError
-        The columns do not fit the labels, or the networks are those of an unknown model.
+        The columns do not fit the labels, or the networks refer to an unknown model.
     """
     if record is None:
         return None
@@ -74,22 +73,22 @@ def _shipped_networks() -> tuple[FloorNetwork, ...]:
 
 
 def check_feature_set(manifest: Mapping[str, object]) -> None:
-    """Refuse lists that learned from other laser features than this version computes.
+    """Check that a model was trained with the laser features of this version.
 
     Raises
     ------
     ModelFileError
-        The definition has changed since.
+        The definition of the features has changed.
     """
     if manifest.get("feature_set") != feature_set_hash():
         raise ModelFileError(
-            "it was trained with another definition of the laser features; train it again with "
-            "this version"
+            "the model was trained with another definition of the laser features; train it again "
+            "with this version"
         )
 
 
 def load_sensor(record: Mapping[str, Any]) -> Sensor:
-    """The sensor that ``dataclasses.asdict`` described."""
+    """The sensor of a record made by ``dataclasses.asdict``."""
     options = dict(record)
     noise = options.pop("noise")
     return Sensor(**options, noise=None if noise is None else SensorNoise(**noise))
@@ -108,28 +107,28 @@ def dump_features(features: tuple[Any, ...]) -> list[dict[str, Any]]:
 
 
 def load_features(manifest: Mapping[str, Any]) -> tuple[Any, ...]:
-    """The features that a manifest names; none in models saved by earlier versions.
+    """The custom features of a manifest; none in models saved by earlier versions.
 
     Raises
     ------
     ModelFileError
-        One is not installed, or has other columns now.
+        A feature is not installed, or its columns have changed.
     """
     features = []
     for record in manifest.get("features", []):
-        feature = FEATURES.restored(record["name"], record["options"])
+        feature = FEATURES.from_saved(record["name"], record["options"])
         columns = [str(name) for name in feature.column_names]
         if columns != record["columns"]:
             raise ModelFileError(
-                f"feature {record['name']!r} has the columns {columns} now; the model was trained "
-                f"with {record['columns']}: install that version, or train again"
+                f"the installed feature {record['name']!r} has the columns {columns}, but the "
+                f"model was trained with {record['columns']}: install that version, or train again"
             )
         features.append(feature)
     return tuple(features)
 
 
 def dump_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:
-    """The list as plain data; its arrays go into ``arrays`` under the prefix."""
+    """The list as plain data; its arrays are added to ``arrays`` under the prefix."""
     meta, parts = classifier.to_arrays()
     put_below(arrays, prefix, parts)
     return dict(meta)
@@ -138,7 +137,7 @@ def dump_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str,
 def load_list(
     arrays: Arrays, prefix: str, meta: dict[str, Any], n_columns: int, n_labels: int
 ) -> BoostedList:
-    """The list that :func:`dump_list` described, if it has these columns and labels."""
+    """The list of :func:`dump_list`, checked for its columns and labels."""
     classifier = BoostedList.from_arrays(meta, below(arrays, prefix))
     if classifier.n_features != n_columns:
         raise ModelFileError(

@@ -11,7 +11,7 @@ from pgm_places._core import list_runs, sweep
 from pgm_places.sensing import _sweep_tables as kernels
 from pgm_places.sensing._beams import OCTANTS, Beams, Octant, Ways
 from pgm_places.sensing._box import Box
-from pgm_places.sensing._sweep_tables import BLOCK, Frame, Listed, TileCells
+from pgm_places.sensing._sweep_tables import BLOCK, Listed, SweepFrame, TileCells
 
 LARGEST_REGION = 32_000
 """Largest sum of rows, columns and reach, in cells, for 16-bit face numbers."""
@@ -219,7 +219,7 @@ class TileSweep:
         backward, downward = octant.step_x < 0, octant.step_y < 0
         if not octant.x_is_major:
             backward, downward = downward, backward
-        frame = Frame(
+        frame = SweepFrame(
             octant.x_is_major,
             backward,
             downward,
@@ -230,13 +230,13 @@ class TileSweep:
         table, n_bins = self._table(group, frame, columns.length, rows.length)
         reach = self.max_range_m / self.resolution_m
         rays = kernels.Rays(table, reach, np.float32(self.max_range_m))
-        region = kernels.Region(around.blocked, *around.faces(backward, downward))
+        region = kernels.SweepRegion(around.blocked, *around.faces(backward, downward))
         pictures, column = work.fit(len(table), n_bins, rows.length + BLOCK, frame.tile_row)
-        output = kernels.Output(out.reshape(-1), group.first, out.shape[1])
+        output = kernels.SweepOutput(out.reshape(-1), group.first, out.shape[1])
         sweep(region, tile, frame, rays, pictures, column, output)
 
     def _table(
-        self, group: BeamGroup, frame: Frame, n_columns: int, n_rows: int
+        self, group: BeamGroup, frame: SweepFrame, n_columns: int, n_rows: int
     ) -> tuple[NDArray[np.float64], int]:
         """(n, 14) numbers of each beam for kernels, and the largest number of bins of a beam."""
         part = slice(group.first, group.last)

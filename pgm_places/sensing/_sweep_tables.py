@@ -21,7 +21,7 @@ class Listed(NamedTuple):
     """(n, ...)."""
 
 
-class Region(NamedTuple):
+class SweepRegion(NamedTuple):
     """The region that beams from a tile can reach, with a blocked rim.
 
     Lists of faces are by columns counted from the map's own end even if the frame is ``backward``;
@@ -45,7 +45,7 @@ class TileCells(NamedTuple):
     """Begin and end (n, 2) of the runs of wanted cells."""
 
 
-class Frame(NamedTuple):
+class SweepFrame(NamedTuple):
     """Orientation of an octant, and position of a tile, in the map."""
 
     x_is_major: bool
@@ -103,7 +103,7 @@ class Column(NamedTuple):
     """(beams,) whether some range is ambiguous in the picture."""
 
 
-class Output(NamedTuple):
+class SweepOutput(NamedTuple):
     """The output array of ranges."""
 
     ranges: NDArray[np.float32]

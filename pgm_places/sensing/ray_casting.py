@@ -147,7 +147,7 @@ def _blocks(
         yield ScanBlock(nodes, ranges)
 
 
-class _Poses(NamedTuple):
+class _CellPoses(NamedTuple):
     """Poses of scans, in cells."""
 
     x: NDArray[np.float64]
@@ -237,7 +237,7 @@ class PoseCaster:
         def cast(part: slice) -> None:
             dda_from_poses(
                 self._blocked,
-                _Poses(x[part], y[part], headings[part]),
+                _CellPoses(x[part], y[part], headings[part]),
                 angles,
                 grid.resolution_m,
                 reach / grid.resolution_m,

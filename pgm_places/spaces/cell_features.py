@@ -16,7 +16,7 @@ from pgm_places.maps.components import number_type
 from pgm_places.spaces.basins import clearance_m
 from pgm_places.spaces.places import Places, place_features
 from pgm_places.spaces.segment_features import segment_features
-from pgm_places.spaces.segmentation import Segmentation, Segments
+from pgm_places.spaces.segmentation import Segmentation, SpaceSegments
 from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_FEATURES
 
 _WIDEST_M, _SHORTEST_M, _ASPECT = 3.0, 3.0, 0.5
@@ -55,7 +55,7 @@ class SegmentLookup:
     resolution_m: float
 
     @classmethod
-    def of(cls, division: Segments, table: NDArray[np.float64]) -> Self:
+    def of(cls, division: SpaceSegments, table: NDArray[np.float64]) -> Self:
         """The lookup of a scale or of places, from the features (S, F) of its segments."""
         openings, resolution_m = division.openings, division.watershed.grid.resolution_m
         ends, count = openings.segments.reshape(-1), division.count
@@ -176,7 +176,7 @@ class CellFeatures:
     (5, 121)
     """
 
-    divisions: tuple[Segments, ...]
+    divisions: tuple[SpaceSegments, ...]
     tables: tuple[NDArray[np.float64], ...]
     names: tuple[str, ...]
 

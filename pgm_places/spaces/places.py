@@ -12,7 +12,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
 from pgm_places.spaces.segment_features import segment_features
-from pgm_places.spaces.segmentation import Segments, divided
+from pgm_places.spaces.segmentation import SpaceSegments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 
 _UNIT = 1e-9
@@ -138,7 +138,7 @@ class Places:
 
     gates: Gates
     accepted: NDArray[np.bool_]
-    segments: Segments
+    segments: SpaceSegments
     gate_places: NDArray[np.int32]
 
     @property
@@ -258,7 +258,7 @@ def _strongest(segments: NDArray[np.int32], log_odds: NDArray[np.float64]) -> ND
 
 
 def _weighed_pairs(
-    finest: Segments, gates: Gates, strongest: NDArray[np.float64]
+    finest: SpaceSegments, gates: Gates, strongest: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(E, 2) neighbouring segments, and (E,) their weights for being one place."""
     openings = finest.openings
@@ -273,7 +273,7 @@ def _weighed_pairs(
     )
 
 
-def _ways_out_of_slivers(finest: Segments, passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _ways_out_of_slivers(finest: SpaceSegments, passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(O,) the widest gaps of small segments without a passable opening."""
     openings = finest.openings
     has_way_out = np.zeros(finest.count, np.bool_)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places._core import add_paths, gather_basins, largest_rests
 from pgm_places.spaces.basins import N_RECTANGLES, clearance_m
 from pgm_places.spaces.components import components, neighbour_lists
-from pgm_places.spaces.segmentation import Segments
+from pgm_places.spaces.segmentation import SpaceSegments
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
 
 
@@ -25,7 +25,7 @@ class SegmentRows:
         At least one.
     """
 
-    divisions: Sequence[Segments]
+    divisions: Sequence[SpaceSegments]
 
     @cached_property
     def first(self) -> NDArray[np.int64]:
@@ -96,7 +96,7 @@ _MOST_SOURCES = 1000
 _Columns = Mapping[str, NDArray[np.float64]]
 
 
-def segment_features(*divisions: Segments) -> NDArray[np.float64]:
+def segment_features(*divisions: SpaceSegments) -> NDArray[np.float64]:
     """(S, 37) the features of every segment of a scale, or of every place.
 
     ``SEGMENT_FEATURES`` defines the columns. The segments of several divisions of a map are

@@ -29,7 +29,7 @@ from pgm_places.spaces.basins import (
 )
 from pgm_places.spaces.openings import Borders, Openings, find_openings
 
-__all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
+__all__ = ["RATIOS", "Segmentation", "SpaceSegments", "Watershed"]
 
 RATIOS: tuple[float, ...] = (0.9, 0.75, 0.6)
 """Neighbours are merged if the pass between them is wider than this share of the smaller one's
@@ -81,7 +81,7 @@ class Watershed:
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class SpaceSegments:
     """One division of open space: the segment of each basin, and the openings between segments.
 
     Parameters
@@ -174,7 +174,7 @@ class Segmentation:
 
     watershed: Watershed
     ratios: tuple[float, ...]
-    scales: tuple[Segments, ...]
+    scales: tuple[SpaceSegments, ...]
     cuts: NDArray[np.integer] | None = None
 
     @classmethod
@@ -230,7 +230,7 @@ def _lowered(relief: NDArray[np.int32], cuts: NDArray[np.integer] | None) -> Ite
     relief[r, c] = height
 
 
-def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[Segments, ...]:
+def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[SpaceSegments, ...]:
     """Divisions by the segments of basins (D, B), at most as fine as the watershed's borders."""
     basins, resolution_m = watershed.basins, watershed.grid.resolution_m
     openings = find_openings(watershed.borders, divisions, resolution_m)
@@ -238,7 +238,7 @@ def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[Segment
         freeze(np.concatenate([segment_of, basins.segment_of_line(segment_of)]))
         for segment_of in divisions
     )
-    return tuple(Segments(watershed, *both) for both in zip(numbers, openings, strict=True))
+    return tuple(SpaceSegments(watershed, *both) for both in zip(numbers, openings, strict=True))
 
 
 def _require_ratios(ratios: tuple[float, ...]) -> None:

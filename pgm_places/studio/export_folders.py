@@ -126,23 +126,23 @@ class ExportFolders:
     ----------
     working : Path
         The folder in which the studio was started; names are relative to it.
-    told : sequence of Path
+    extra : sequence of Path
         Further folders, from the command line.
-    given : frozenset of Path
+    inputs : frozenset of Path
         Files and folders that the studio reads; exports never overwrite them.
     """
 
     working: Path
-    told: tuple[Path, ...] = ()
-    given: frozenset[Path] = frozenset()
+    extra: tuple[Path, ...] = ()
+    inputs: frozenset[Path] = frozenset()
 
     @classmethod
-    def started_here(cls, told: Sequence[Path] = (), given: Iterable[Path] = ()) -> Self:
+    def started_here(cls, extra: Sequence[Path] = (), inputs: Iterable[Path] = ()) -> Self:
         """Export folders of a studio that is started in the current folder."""
         return cls(
             Path.cwd().resolve(),
-            tuple(path.resolve() for path in told),
-            frozenset(path.resolve() for path in given),
+            tuple(path.resolve() for path in extra),
+            frozenset(path.resolve() for path in inputs),
         )
 
     def chosen(self, text: str, own: Path) -> Path:
@@ -182,20 +182,20 @@ class ExportFolders:
 
     def roots(self, own: Path) -> tuple[Path, ...]:
         """The folders below which files may be written; never all of the disk."""
-        found = (own.resolve(), *self.told, self.working)
-        return tuple(root for root in found if root.parent != root or root in self.told)
+        roots = (own.resolve(), *self.extra, self.working)
+        return tuple(root for root in roots if root.parent != root or root in self.extra)
 
     def check_free(self, targets: Iterable[Path], further: Iterable[Path] = ()) -> None:
         """Raise InputError if a target is an input of the studio, or a folder that contains one."""
-        given = {*self.given, *(path.resolve() for path in further)}
+        inputs = {*self.inputs, *(path.resolve() for path in further)}
         for target in targets:
-            whole = target.resolve()
-            if any(item == whole or item.is_relative_to(whole) for item in given):
+            blocked = target.resolve()
+            if any(path == blocked or path.is_relative_to(blocked) for path in inputs):
                 raise InputError(f"{target} is an input of the studio; choose another folder")
 
     def offered(self, own: Path) -> list[str]:
         """Folder names to choose from: the session's, the command line's, and subfolders."""
-        names = [self.name_of(own), *map(self.name_of, self.told)]
+        names = [self.name_of(own), *map(self.name_of, self.extra)]
         try:
             inside = sorted(path for path in self.working.iterdir() if path.is_dir())
         except OSError:

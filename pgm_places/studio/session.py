@@ -18,7 +18,7 @@ from pgm_places.labelling.files import earlier_places
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.options import check_option, from_mapping
 from pgm_places.studio import strokes
-from pgm_places.studio.building_box import building_box
+from pgm_places.studio.building_bounds import building_bounds
 from pgm_places.studio.journal import SourceFile
 from pgm_places.studio.layers import GivenLabels, Layers
 from pgm_places.studio.learner import Learner
@@ -116,7 +116,7 @@ class MapSession:
         self.changes: LabelChanges | None = None
         self.agrees: float | None = None
         self.relabelling: Relabelling | None = None
-        self.closing, self.box = False, building_box(source.grid)
+        self.closing, self.box = False, building_bounds(source.grid)
         self._remark = ""
         self._lock = threading.RLock()
         self.painting, self.migration = opened_painting(

@@ -258,18 +258,18 @@ class _View:
         return tuple(questions)
 
     @cached_property
-    def seen(self) -> FloorScores | None:
+    def floor_scores(self) -> FloorScores | None:
         """Scores of the floor networks, or None if the method does not use them."""
-        return self.model.seen(self.grid) if self.method.unary == "floor" else None
+        return self.model.floor_scores(self.grid) if self.method.unary == "floor" else None
 
     def of_networks(
         self, cell: NDArray[np.int32]
     ) -> tuple[dict[str, float] | None, dict[str, float]]:
         """The networks' probability of each label of a cell (1, 2), and their weight per label."""
         floor, names = self.model.floor, self.labeler.learned_names
-        if self.seen is None or floor is None:
+        if self.floor_scores is None or floor is None:
             return None, {}
-        p, shares = np.exp(floor.evidence(self.seen, cell)[0]), floor.shares.tolist()
+        p, shares = np.exp(floor.evidence(self.floor_scores, cell)[0]), floor.shares.tolist()
         return dict(zip(names, p.tolist(), strict=True)), dict(zip(names, shares, strict=True))
 
     def doorway_log_odds(self, node: NDArray[np.int64]) -> float:
@@ -289,7 +289,7 @@ class _View:
         painted = self.taught.paint.with_classes(names).labels
         painted = painted if self.window is None else self.window.cut(painted)
         known = KnownCells.of(painted, self.part, self.grid, names, learned)
-        judge = None if self.seen is None else self.model.gate_judge(self.seen)
+        judge = None if self.floor_scores is None else self.model.gate_judge(self.floor_scores)
         return self.model.space.spaces(self.grid, known=known.on_cells, judge=judge)
 
     def pulls(self, final: int, before: int, x_m: float, y_m: float) -> list[reasons.NeighbourPull]:

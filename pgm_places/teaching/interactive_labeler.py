@@ -227,7 +227,7 @@ class InteractiveLabeler:
             lambda _: self._rows(labeler),
             keep_scores=True,
         )
-        assert scored.kept is not None  # requested above
+        assert scored.scores is not None  # requested above
         unary = self._whole(scored.labelled(Independent()))
         labelled = self._whole(scored.labelled())
         with report_stage("places"):
@@ -246,7 +246,7 @@ class InteractiveLabeler:
         }
         seconds = time.perf_counter() - start
         return InteractiveResult(
-            labelled, unary, topology, paint, labeler, scored.kept[1], seconds, others
+            labelled, unary, topology, paint, labeler, scored.scores[1], seconds, others
         )
 
     def _cut(self, paint: Paint) -> NDArray[np.int16]:

@@ -17,7 +17,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.further_boosting import Examples
+from pgm_places.models.further_boosting import TeachingExamples
 from pgm_places.models.mrf import PottsField
 from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor
@@ -170,7 +170,9 @@ class Learning:
         with report_stage("learning the paint"):
             if labeler.method(method).sees_spaces:
                 sees_floor = labeler.method(method).unary == "floor"
-                judge = unary.gate_judge(unary.seen(self.table.grid)) if sees_floor else None
+                judge = (
+                    unary.gate_judge(unary.floor_scores(self.table.grid)) if sees_floor else None
+                )
                 painted = paint.on((*names, *halls))
                 unary = self._with_spaces(unary, painted, len(new), judge)
             else:
@@ -186,7 +188,7 @@ class Learning:
     def _with_laser(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
         selection = chosen_cells(nodes, self.options)
-        rows = _Rows(selection, self.table.rows(selection.both))
+        rows = _SelectedRows(selection, self.table.rows(selection.both))
         fitted = self._learned(unary.classifier, rows)
         return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
 
@@ -198,7 +200,7 @@ class Learning:
         spaces = space.judged_candidates(self.table.gates, painted, judge)
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
         selection = chosen_cells(nodes, self.options)
-        rows = _Rows(selection, self.table.beside_spaces(selection.both, spaces))
+        rows = _SelectedRows(selection, self.table.beside_spaces(selection.both, spaces))
         hall = unary.n_labels
         if space.corridor is not None:
             rows = rows.with_halls(space.classifier, hall, hall + n_new, space.corridor)
@@ -223,18 +225,18 @@ class Learning:
         values = gate_features(self.table.gates).astype(np.float32)
         labels = match.is_doorway[judged].astype(np.int64)
         weights = 1.0 / np.bincount(labels, minlength=2)[labels]
-        examples = Examples(values[judged], labels, weights)
+        examples = TeachingExamples(values[judged], labels, weights)
         gates = learned_further(space.gates, examples, values[~judged], self.options)
         return replace(space, gates=gates)
 
-    def _learned(self, fitted: BoostedList, rows: "_Rows") -> BoostedList:
+    def _learned(self, fitted: BoostedList, rows: "_SelectedRows") -> BoostedList:
         selection = rows.selection
-        examples = Examples(rows.of(selection.nodes), selection.labels, selection.weights)
-        return learned_further(fitted, examples, rows.of(selection.kept), self.options)
+        examples = TeachingExamples(rows.of(selection.nodes), selection.labels, selection.weights)
+        return learned_further(fitted, examples, rows.of(selection.others), self.options)
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _SelectedRows:
     """The features (n + m, F) of the selected cells, by node."""
 
     selection: CellSelection
@@ -243,7 +245,9 @@ class _Rows:
     def of(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
         return self.values[np.searchsorted(self.selection.both, nodes)]
 
-    def with_halls(self, fitted: BoostedList, hall: int, shown: int, corridor: int) -> "_Rows":
+    def with_halls(
+        self, fitted: BoostedList, hall: int, shown: int, corridor: int
+    ) -> "_SelectedRows":
         """The labels as numbered by a list with halls, which come before all new classes."""
         # Painted corridors count as halls where the list prefers halls, unless halls are painted
         # themselves (shown).

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._option_marks import Ge
 from pgm_places.models import further_boosting
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.further_boosting import Examples, FurtherRounds
+from pgm_places.models.further_boosting import FurtherRounds, TeachingExamples
 from pgm_places.options import AtLeastZero, Options
 
 OF_PAINT_ALONE = ("max_cells_per_class", "seed")
@@ -46,18 +46,18 @@ class CellSelection:
         The painted cells to learn from, ascending.
     labels : (n,) int64
         Their classes.
-    kept : (m,) int64
+    others : (m,) int64
         The other cells, ascending.
     """
 
     nodes: NDArray[np.int64]
     labels: NDArray[np.int64]
-    kept: NDArray[np.int64]
+    others: NDArray[np.int64]
 
     @property
     def both(self) -> NDArray[np.int64]:
         """(n + m,) all selected cells, ascending."""
-        return np.sort(np.concatenate([self.nodes, self.kept]))
+        return np.sort(np.concatenate([self.nodes, self.others]))
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -82,12 +82,15 @@ def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> CellSe
         taken.append(rng.permutation(members)[: options.max_cells_per_class])
     nodes = np.sort(np.concatenate([np.zeros(0, np.int64), *taken]))
     open_nodes = np.flatnonzero(painted < 0)
-    kept = np.sort(rng.permutation(open_nodes)[: options.n_kept])
-    return CellSelection(nodes, painted[nodes], kept)
+    others = np.sort(rng.permutation(open_nodes)[: options.n_kept])
+    return CellSelection(nodes, painted[nodes], others)
 
 
 def learned_further(
-    fitted: BoostedList, examples: Examples, kept: NDArray[np.float32], options: TeachingOptions
+    fitted: BoostedList,
+    examples: TeachingExamples,
+    others: NDArray[np.float32],
+    options: TeachingOptions,
 ) -> BoostedList:
     """A list trained further on painted examples, with its scores of other rows (m, F) preserved.
 
@@ -97,17 +100,17 @@ def learned_further(
     n_old, n_taught = len(fitted.classes), len(np.unique(examples.labels))
     weight = options.keep * n_taught
 
-    def with_kept(part: Examples, so_far: BoostedList) -> Examples:
-        if not len(kept) or not weight:
-            return part
-        return part.and_also(further_boosting.own_opinion(so_far, kept, weight))
+    def with_others(subset: TeachingExamples, so_far: BoostedList) -> TeachingExamples:
+        if not len(others) or not weight:
+            return subset
+        return subset.and_also(further_boosting.own_opinion(so_far, others, weight))
 
     boosted = fitted
     if (examples.labels < n_old).any():
-        part = with_kept(examples.where(examples.labels < n_old), boosted)
-        boosted = further_boosting.boosted_further(boosted, part, options)
+        subset = with_others(examples.where(examples.labels < n_old), boosted)
+        boosted = further_boosting.boosted_further(boosted, subset, options)
     for label in range(n_old, int(examples.labels.max()) + 1):
-        part = with_kept(examples.where(examples.labels <= label), boosted)
+        subset = with_others(examples.where(examples.labels <= label), boosted)
         number = int(boosted.classes[-1]) + 1
-        boosted = further_boosting.with_first_class(boosted, number, part, options)
+        boosted = further_boosting.with_first_class(boosted, number, subset, options)
     return boosted

@@ -62,7 +62,7 @@ least the second, compared by rows and columns: the map with another origin. Bel
 different map."""
 
 
-class Places(Protocol):
+class IdentifiedPlaces(Protocol):
     """The attributes of a topological map that determine its ids."""
 
     @property
@@ -126,7 +126,7 @@ class PlaceIds:
         self.parted: Mapping[int, int] = {}
 
     @classmethod
-    def of(cls, topology: Places) -> Self:
+    def of(cls, topology: IdentifiedPlaces) -> Self:
         """The ids of one map."""
         ids = cls()
         ids.learn(topology)
@@ -164,7 +164,7 @@ class PlaceIds:
         self._note_changes(ids, known, common, pieces)
         return ids, next_id
 
-    def learn(self, topology: Places) -> None:
+    def learn(self, topology: IdentifiedPlaces) -> None:
         """Store the places of a map that got its ids here."""
         for region in topology.regions:
             before = self.places.get(region.id)

@@ -101,7 +101,7 @@ class DistanceTrigger:
         return moved
 
 
-class Segments:
+class PathSegments:
     """The segments of a whole trajectory.
 
     Parameters
@@ -113,7 +113,7 @@ class Segments:
 
     Examples
     --------
-    >>> segments = Segments([[0, 0], [0.1, 0], [0.3, 0], [0.35, 0]], every_m=0.2)
+    >>> segments = PathSegments([[0, 0], [0.1, 0], [0.3, 0], [0.35, 0]], every_m=0.2)
     >>> segments.of_step.tolist(), segments.first.tolist()
     ([0, 0, 1, 1], [0, 2])
     >>> segments.means([[1.0], [3.0], [5.0], [5.0]]).ravel().tolist()

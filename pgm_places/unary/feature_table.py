@@ -50,7 +50,7 @@ class FeatureTables(Protocol):
         """The key of the table of the cells in a mask (H, W) of a map."""
         ...
 
-    def kept(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
+    def get(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """The table (N, F) of a key, or None without one of this shape."""
         ...
 
@@ -58,7 +58,7 @@ class FeatureTables(Protocol):
         """Raise OutputError if there is no space for tables of these shapes."""
         ...
 
-    def keep(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
+    def put(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
         """Store a table, passed in blocks of rows with their indices."""
         ...
 
@@ -91,7 +91,7 @@ class CachedFeatures:
         self.row_of = np.empty(0, np.int64)
         self._written = np.zeros(0, np.int64)
         self._n_writings = 0
-        self._said: dict[str, _CachedScores] = {}
+        self._scores: dict[str, _CachedScores] = {}
         self._seen: tuple[OccupancyGrid, FloorScores] | None = None
 
     @classmethod
@@ -145,10 +145,10 @@ class CachedFeatures:
 
     def prepare(self, name: str, n_beside: int, n_scores: int) -> None:
         """Allocate the cache of a named list; :meth:`scores` may then run in threads."""
-        said = self._said.get(name)
-        if said is None or said.kind != (n_beside, n_scores):
-            said = self._said[name] = _CachedScores(n_beside, n_scores)
-        said.grow(self.n_rows)
+        cached = self._scores.get(name)
+        if cached is None or cached.kind != (n_beside, n_scores):
+            cached = self._scores[name] = _CachedScores(n_beside, n_scores)
+        cached.grow(self.n_rows)
 
     def scores(
         self,
@@ -170,15 +170,15 @@ class CachedFeatures:
             From positions (m,) in ``nodes`` to scores (m, K); each depends on its row and its
             additional inputs only.
         """
-        said, rows = self._said[name], self.row_of[nodes]
-        stale = said.version[rows] != self._written[rows]
-        stale |= (said.beside[rows] != beside).any(axis=1)
+        cached, rows = self._scores[name], self.row_of[nodes]
+        stale = cached.version[rows] != self._written[rows]
+        stale |= (cached.beside[rows] != beside).any(axis=1)
         renewed = np.flatnonzero(stale)
         if len(renewed):
             some = rows[renewed]
-            said.scores[some], said.beside[some] = score(renewed), beside[renewed]
-            said.version[some] = self._written[some]
-        return said.scores[rows]
+            cached.scores[some], cached.beside[some] = score(renewed), beside[renewed]
+            cached.version[some] = self._written[some]
+        return cached.scores[rows]
 
     def floor_of(
         self, grid: OccupancyGrid, look: Callable[[OccupancyGrid], FloorScores]

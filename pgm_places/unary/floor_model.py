@@ -125,20 +125,20 @@ class FloorJudge:
     Parameters
     ----------
     model : FloorModel
-    seen : FloorScores
+    scores : FloorScores
         The networks' scores of the map.
     """
 
     model: FloorModel
-    seen: FloorScores
+    scores: FloorScores
 
     def cuts(self, gates: Gates) -> NDArray[np.int64]:
         """(n, 2) cells of door lines."""
-        return door_lines(gates, self.seen)
+        return door_lines(gates, self.scores)
 
     def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
         """See :meth:`FloorModel.judged`."""
-        return self.model.judged(self.seen, gates, probability)
+        return self.model.judged(self.scores, gates, probability)
 
 
 def _log_odds(probability: ArrayLike) -> NDArray[np.float64]:

@@ -252,14 +252,14 @@ class UnaryModel:
             lists.append(LaserScorer(self.classifier, n, self.n_labels, dtype))
         if second is not None:
             lists.append(ContextScorer(second, n_own, n, self.n_labels))
-        spaces, doorways, around, seen = None, None, None, None
+        spaces, doorways, around, floor_scores = None, None, None, None
         if "floor" in unaries and self.floor is not None:
             with report_stage("the whole floor"):
-                seen = self.seen(grid, own)
+                floor_scores = self.floor_scores(grid, own)
         halls = self.knows_halls and (with_halls or sees_spaces(unaries))
         if self.space is not None and (sees_spaces(unaries) or halls):
             with report_stage("segments, gates and places"):
-                judge = None if seen is None else self.gate_judge(seen)
+                judge = None if floor_scores is None else self.gate_judge(floor_scores)
                 spaces = self.space.spaces(grid, known=known, judge=judge)
             if not with_spaces and self.space.gates is not None:
                 doorways = spaces.doorways
@@ -293,8 +293,8 @@ class UnaryModel:
             with report_stage("spatial context"):
                 self._add_context(second, grid, layout, by_unary["laser"], by_unary["context"])
         hall = None if around is None else around.hall
-        if seen is not None and self.floor is not None and around is not None:
-            by_unary["floor"] = with_floor(around.scores, seen, self.floor, layout, hall)
+        if floor_scores is not None and self.floor is not None and around is not None:
+            by_unary["floor"] = with_floor(around.scores, floor_scores, self.floor, layout, hall)
         laser, context, space, floor = (
             freeze(by_unary[name]) if name in by_unary and name in unaries else None
             for name in ("laser", "context", "space", "floor")
@@ -312,12 +312,12 @@ class UnaryModel:
             self.exponents,
         )
 
-    def gate_judge(self, seen: FloorScores) -> FloorJudge:
+    def gate_judge(self, floor_scores: FloorScores) -> FloorJudge:
         """The judge of gates that combines the networks and the list of gates."""
         assert self.floor is not None  # it has scores of a map
-        return FloorJudge(self.floor, seen)
+        return FloorJudge(self.floor, floor_scores)
 
-    def seen(self, grid: OccupancyGrid, own: CachedFeatures | None = None) -> FloorScores:
+    def floor_scores(self, grid: OccupancyGrid, own: CachedFeatures | None = None) -> FloorScores:
         """The networks' scores of a map, cached in a table."""
         assert self.floor is not None  # its scores are requested
         return self.floor.scores(grid) if own is None else own.floor_of(grid, self.floor.scores)

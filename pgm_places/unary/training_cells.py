@@ -192,7 +192,7 @@ def _kept(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]] | None:
     """A mask (H, W) that contains this one, and the table (N, F) of its cells."""
     for hold in (item.labelled_cells, mask):
-        table = cache.kept(cache.key(item, sensor, hold), _shape(hold))
+        table = cache.get(cache.key(item, sensor, hold), _shape(hold))
         if table is not None:
             return hold, table
     return None
@@ -203,8 +203,8 @@ def _keep(item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: Fea
     if _kept(item, mask, sensor, cache) is not None:
         return
     key, shape = cache.key(item, sensor, mask), _shape(mask)
-    cache.keep(key, shape, iter_features(item.grid, sensor, (), mask))
-    if cache.kept(key, shape) is None:
+    cache.put(key, shape, iter_features(item.grid, sensor, (), mask))
+    if cache.get(key, shape) is None:
         raise OutputError(f"cannot read back the features written to {cache}; check the disk")
 
 

@@ -17,7 +17,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
 from pgm_places.progress import Silent
 from pgm_places.simulation import generate_building
-from tests.batch.shared import Batch, Here
+from tests.batch.shared import Batch, InProcessWorkers
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +58,13 @@ def batch(model: Path, maps: Path) -> Batch:
         found = find_maps([str(maps)], out)
         options = LabelOptions(model=str(model), **changes)
         return label_batch(
-            found, out, options, workers or Here(), force=force, progress=Silent(), **how
+            found,
+            out,
+            options,
+            workers or InProcessWorkers(),
+            force=force,
+            progress=Silent(),
+            **how,
         )
 
     return run

@@ -15,7 +15,7 @@ from tests.batch.tasks import hang_on
 Batch = Callable[..., LabelledBatch]
 
 
-class Here:
+class InProcessWorkers:
     """Workers that are this process."""
 
     def run(
@@ -24,7 +24,7 @@ class Here:
         return ((task, function(task)) for task in tasks)
 
 
-class Dying:
+class CrashingWorkers:
     """Workers that die on every task."""
 
     def run(
@@ -33,7 +33,7 @@ class Dying:
         return ((task, None) for task in tasks)
 
 
-class Watched(Here):
+class RecordingWorkers(InProcessWorkers):
     """This process, which remembers the maps that it labels."""
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class Watched(Here):
         self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
     ) -> Iterator[tuple[Any, Any]]:
         for done in super().run(function, tasks):
-            if isinstance(done[1], LabelledRow) and not done[1].kept:
+            if isinstance(done[1], LabelledRow) and not done[1].skipped:
                 self.labelled.append(done[1].name)
             yield done
 

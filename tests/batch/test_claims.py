@@ -11,7 +11,7 @@ from pgm_places.batch.batch_folder import claim_of
 from pgm_places.errors import OutputError
 from pgm_places.io.output_set import claim
 from pgm_places.io.staging import claimed, open_own
-from tests.batch.shared import Batch, Hanging, Watched
+from tests.batch.shared import Batch, Hanging, RecordingWorkers
 
 
 def test_a_map_that_somebody_else_labels_is_left_to_them_and_looked_at_later(
@@ -28,7 +28,7 @@ def test_a_map_that_somebody_else_labels_is_left_to_them_and_looked_at_later(
         other.close()
 
     monkeypatch.setattr(time, "sleep", let_go)
-    watched = Watched()
+    watched = RecordingWorkers()
     batch(watched)
     assert watched.labelled == ["floor2/map", "floor1/map"]
     assert waits == [["floor2"]]
@@ -89,10 +89,10 @@ def test_a_link_in_place_of_the_claims_is_refused_and_nothing_behind_it_touched(
     (home / "id_rsa").write_text("secret")
     claims = claim_of(out, "floor1/map").parent
     claims.symlink_to("../home")
-    with pytest.raises(OutputError, match="claims: a symbolic link stands in its place; remove it"):
+    with pytest.raises(OutputError, match="claims: it is a symbolic link; remove it"):
         batch()
     with (
-        pytest.raises(OutputError, match="a symbolic link stands in its place"),
+        pytest.raises(OutputError, match="it is a symbolic link"),
         claimed(claim_of(out, "floor1/map"), "floor1/map"),
     ):
         pass

@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import pytest
 
-from pgm_places.batch.dask_workers import DaskWorkers, _UnderWay
+from pgm_places.batch.dask_workers import DaskWorkers, _Submissions
 from pgm_places.batch.local_workers import TIMED_OUT, Fault
 from pgm_places.errors import InputError
 from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
@@ -180,9 +180,9 @@ def test_tasks_that_are_bad_everywhere_leave_no_worker_out(address: str) -> None
 
 def test_results_that_come_after_the_end_are_let_go() -> None:
     """A lost scheduler cancels its tasks while the batch ends with one line."""
-    under_way = _UnderWay(None, double, iter(()), None)
-    under_way.close()
-    under_way._judge_later(1, None)
+    submissions = _Submissions(None, double, iter(()), None)
+    submissions.close()
+    submissions._judge_later(1, None)
 
 
 def test_no_scheduler_is_one_line() -> None:

@@ -94,5 +94,5 @@ def test_names_do_not_hide_nor_leave_the_folder(
 @pytest.mark.parametrize("argument", ["empty", "floors/*/none.yaml"])
 def test_nothing_found_is_an_error(folder: Path, argument: str) -> None:
     (folder / "empty").mkdir()
-    with pytest.raises(MapError, match="no map in it: none of 0 YAML files has a key 'image'"):
+    with pytest.raises(MapError, match="no map found: none of 0 YAML files has a key 'image'"):
         names(folder, argument)

@@ -25,7 +25,14 @@ from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelling.files import WrittenMap, write_labelled
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
-from tests.batch.shared import Batch, Dying, Here, Watched, failures, rows
+from tests.batch.shared import (
+    Batch,
+    CrashingWorkers,
+    InProcessWorkers,
+    RecordingWorkers,
+    failures,
+    rows,
+)
 
 Again = Callable[..., list[str]]
 
@@ -35,7 +42,7 @@ def again(batch: Batch) -> Again:
     """Runs the batch again; the names of the maps that it labels."""
 
     def run(**options: Any) -> list[str]:
-        watched = Watched()
+        watched = RecordingWorkers()
         batch(watched, **options)
         return watched.labelled
 
@@ -86,7 +93,7 @@ def test_what_is_done_is_kept_with_the_same_row_though_it_was_corrected_by_hand(
     labels = out / "floor1" / "map" / "labels.png"
     labels.write_bytes(b"mine")
     before = (out / "summary.csv").read_text(), (out / "index.html").read_text()
-    assert batch().summary() == "3 maps: 0 labelled, 2 done before, 1 failed"
+    assert batch().summary() == "3 maps: 0 labelled, 2 already done, 1 failed"
     assert ((out / "summary.csv").read_text(), (out / "index.html").read_text()) == before
     assert labels.read_bytes() == b"mine"
     (maps / "torn.yaml").unlink()
@@ -139,10 +146,10 @@ def test_other_options_label_again(batch: Batch, again: Again) -> None:
 
 
 def test_a_dead_worker_is_a_failure_of_its_map(batch: Batch, maps: Path) -> None:
-    batch(Dying())
+    batch(CrashingWorkers())
     found = failures(maps.parent / "out")
     assert list(found) == ["floor1/map", "floor2/map", "torn"]
-    assert all("its worker died" in row["message"] for row in found.values())
+    assert all("its worker was killed" in row["message"] for row in found.values())
 
 
 def test_any_error_is_a_failure_of_its_map(
@@ -184,9 +191,9 @@ def test_a_folder_of_somebody_else_is_refused(batch: Batch, maps: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "message"),
     [
-        ("Index.html.yaml", "called like a list of all maps"),
-        ("floor1.yaml", "its folder would hold that of"),
-        ("Torn.yaml", "by capital letters alone"),
+        ("Index.html.yaml", "have the name of an index file"),
+        ("floor1.yaml", "its folder would contain the folder of"),
+        ("Torn.yaml", "only in capital letters"),
     ],
 )
 def test_a_map_whose_folder_is_in_the_way_is_refused_alone(
@@ -214,7 +221,7 @@ def test_what_is_no_longer_in_the_input_is_listed(batch: Batch, maps: Path) -> N
     out = maps.parent / "out"
     (maps / "floor1" / "map.yaml").unlink()
     found = batch()
-    assert (found.overview.gone, found.n_kept) == (["floor1/map"], 1)
+    assert (found.overview.gone, found.n_skipped) == (["floor1/map"], 1)
     assert [row["in_input"] for row in rows(out / "summary.csv")] == ["no", "yes"]
     assert "No longer in the input" in (out / "index.html").read_text()
     shutil.rmtree(out / "floor1")
@@ -228,8 +235,8 @@ def test_lists_are_of_the_whole_folder(batch: Batch, maps: Path, model: Path) ->
     before = (out / "summary.csv").read_text(), (out / "failures.csv").read_text()
     found = find_maps([str(maps / "floor2")], out, root=recorded_root(out))
     options = LabelOptions(model=str(model))
-    done = label_batch(found, out, options, Here(), progress=Silent())
-    assert (done.n_kept, done.overview.n_rows, done.overview.n_failures) == (1, 2, 1)
+    done = label_batch(found, out, options, InProcessWorkers(), progress=Silent())
+    assert (done.n_skipped, done.overview.n_rows, done.overview.n_failures) == (1, 2, 1)
     assert ((out / "summary.csv").read_text(), (out / "failures.csv").read_text()) == before
 
 
@@ -237,7 +244,7 @@ def test_rows_are_there_as_soon_as_their_maps_are_done(batch: Batch, maps: Path)
     summary = maps.parent / "out" / "summary.csv"
     seen = []
 
-    class Looking(Here):
+    class Looking(InProcessWorkers):
         def run(
             self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
         ) -> Iterator[tuple[Any, Any]]:
@@ -269,7 +276,7 @@ def test_a_list_that_is_not_ours_is_refused(batch: Batch, maps: Path, name: str)
     assert (out / name).read_text() == "mine,too\n1,2\n"
 
 
-class Elsewhere(Here):
+class Elsewhere(InProcessWorkers):
     """This process in the place of a worker that the judge asks about."""
 
     def __init__(self, spoil: Callable[[Any], None]) -> None:
@@ -311,7 +318,7 @@ def test_what_a_worker_cannot_write_may_be_its_own_fault(
 def test_shards_share_all_maps_and_never_move_one(batch: Batch, maps: Path) -> None:
     counts = [batch(how={"shard": Shard(number, 3)}) for number in (1, 2, 3)]
     assert sum(found.n_labelled + found.n_failed for found in counts) == 3
-    assert all(found.n_kept == 0 for found in counts)
+    assert all(found.n_skipped == 0 for found in counts)
     last = counts[-1].overview
     assert (last.n_rows, last.n_failures) == (2, 1)
     names = [f"site{number}/map" for number in range(1000)]
@@ -325,7 +332,7 @@ def test_only_what_failed_is_tried_again(batch: Batch, maps: Path) -> None:
     (maps / "torn.yaml").write_bytes((maps / "floor2" / "map.yaml").read_bytes())
     (maps / "map.png").write_bytes((maps / "floor2" / "map.png").read_bytes())
     found = batch(how={"only_failed": True})
-    assert (found.n_labelled, found.n_kept, found.n_failed) == (1, 0, 0)
+    assert (found.n_labelled, found.n_skipped, found.n_failed) == (1, 0, 0)
     assert found.overview.n_rows == 3
     assert batch(how={"only_failed": True}).summary() == "0 maps: 0 labelled"
 

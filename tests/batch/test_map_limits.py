@@ -27,7 +27,7 @@ def test_a_map_that_takes_too_long_is_given_up(
     failed = failures(maps.parent / "out")["floor1/map"]
     assert (failed["error"], failed["message"]) == (
         "TimeLimit",
-        "it took longer than 0.2 s; raise --time-limit",
+        "time limit of 0.2 s exceeded; raise --time-limit",
     )
     assert not list((maps.parent / "out").rglob(".*.tmp"))
     assert batch(how={"limit_s": 600.0}).n_labelled == 2
@@ -59,7 +59,7 @@ def test_the_process_of_a_map_that_hangs_is_killed_and_the_others_are_labelled(
     failed = failures(maps.parent / "out")["floor1/map"]
     assert (failed["error"], failed["message"]) == (
         "TimeLimit",
-        "it took longer than 9 s; raise --time-limit",
+        "time limit of 9 s exceeded; raise --time-limit",
     )
     assert batch().n_labelled == 1  # nobody holds the claim any more
     assert not failures(maps.parent / "out").keys() & {"floor1/map"}

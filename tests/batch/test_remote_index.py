@@ -17,7 +17,7 @@ from pgm_places.batch.remote_index import RemoteIndex
 from pgm_places.errors import InputError
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.shared import Here, far_rows
+from tests.batch.shared import InProcessWorkers, far_rows
 from tests.batch.test_remote_maps import label
 
 fsspec = pytest.importorskip("fsspec")
@@ -46,11 +46,11 @@ def test_far_results_are_listed_anew(bucket: Any, model: Path, maps: Path, tmp_p
     )
     places = json.loads((tmp_path / "near/floor1/map/places.json").read_text())["regions"]
     assert table.column("name").to_pylist() == [place["name"] for place in places]
-    with pytest.raises(InputError, match=r"memory://none: no labelled map below it"):
+    with pytest.raises(InputError, match=r"memory://none: no labelled map "):
         index_folder(Path("memory://none"), progress=Silent())
 
 
-class Meanwhile(Here):
+class Meanwhile(InProcessWorkers):
     """This process; another run comes in when the first map is done."""
 
     def __init__(self, other: Callable[[], object]) -> None:
@@ -66,7 +66,7 @@ class Meanwhile(Here):
                 self._other = None
 
 
-def label_shard(model: Path, number: int, workers: Here, *maps: str) -> LabelledBatch:
+def label_shard(model: Path, number: int, workers: InProcessWorkers, *maps: str) -> LabelledBatch:
     return label_batch(
         find_maps(maps or ["memory://maps"]),
         Path("memory://out"),
@@ -79,7 +79,7 @@ def label_shard(model: Path, number: int, workers: Here, *maps: str) -> Labelled
 
 @pytest.mark.parametrize("first", [1, 2])
 def test_the_lists_of_several_runs_lose_no_row(bucket: Any, model: Path, first: int) -> None:
-    label_shard(model, first, Meanwhile(lambda: label_shard(model, 3 - first, Here())))
+    label_shard(model, first, Meanwhile(lambda: label_shard(model, 3 - first, InProcessWorkers())))
     names = [row["name"] for row in far_rows(bucket, "summary.csv")]
     assert names == ["floor1/map", "floor2/map"]
     assert [row["name"] for row in far_rows(bucket, "failures.csv")] == ["torn"]
@@ -91,7 +91,7 @@ def test_lists_that_were_put_at_the_same_moment_are_merged(
     bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The other run reads before, and writes after, whatever the first one puts at its end."""
-    put, other = RemoteIndex.put, [lambda: label_shard(model, 2, Here())]
+    put, other = RemoteIndex.put, [lambda: label_shard(model, 2, InProcessWorkers())]
 
     def in_between(self: RemoteIndex, *, patient: bool = True) -> None:
         if other and patient:
@@ -99,7 +99,7 @@ def test_lists_that_were_put_at_the_same_moment_are_merged(
         put(self, patient=patient)
 
     monkeypatch.setattr(RemoteIndex, "put", in_between)
-    label_shard(model, 1, Here())
+    label_shard(model, 1, InProcessWorkers())
     assert len(far_rows(bucket, "summary.csv")) == 2
     assert len(far_rows(bucket, "failures.csv")) == 1
 

@@ -20,7 +20,7 @@ from pgm_places.io.remote_files import RemoteFolder, address_of
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.shared import Here, failures, far_rows
+from tests.batch.shared import InProcessWorkers, failures, far_rows
 from tests.batch.simulated_clock import REQUEST_S, Clock
 
 fsspec = pytest.importorskip("fsspec")
@@ -28,7 +28,9 @@ fsspec = pytest.importorskip("fsspec")
 
 def label(model: Path, out: str | Path, *maps: str) -> LabelledBatch:
     found = find_maps(maps or ["memory://maps"])
-    return label_batch(found, Path(out), LabelOptions(model=str(model)), Here(), progress=Silent())
+    return label_batch(
+        found, Path(out), LabelOptions(model=str(model)), InProcessWorkers(), progress=Silent()
+    )
 
 
 def test_far_maps_are_labelled_as_near_ones_are(
@@ -45,7 +47,7 @@ def test_far_maps_are_labelled_as_near_ones_are(
     assert [row["map"] for row in rows] == [
         f"memory://maps/floor{number}/map.yaml" for number in (1, 2)
     ]
-    assert label(model, far).summary() == "3 maps: 0 labelled, 2 done before, 1 failed"
+    assert label(model, far).summary() == "3 maps: 0 labelled, 2 already done, 1 failed"
 
 
 def test_far_results_are_kept_and_completed(bucket: Any, model: Path) -> None:
@@ -58,7 +60,7 @@ def test_far_results_are_kept_and_completed(bucket: Any, model: Path) -> None:
     before = bucket.modified("/out/floor1/map/labels.png")
     bucket.rm_file("/out/floor2/map/labels.png")
     again = label(model, "memory://out")
-    assert (again.n_labelled, again.n_kept, again.overview.n_rows) == (1, 1, 2)
+    assert (again.n_labelled, again.n_skipped, again.overview.n_rows) == (1, 1, 2)
     assert bucket.modified("/out/floor1/map/labels.png") == before
     manifest = json.loads(bucket.cat_file("/out/floor2/map/details/manifest.json"))
     assert manifest["map"] == "memory://maps/floor2/map.yaml"
@@ -149,11 +151,13 @@ def test_a_far_folder_keeps_the_root_of_its_names(bucket: Any, model: Path) -> N
     root = recorded_root(out)
     assert root == Path("memory://maps")
     found = find_maps(["memory://maps/floor1"], out, root=root)
-    done = label_batch(found, out, LabelOptions(model=str(model)), Here(), progress=Silent())
-    assert (done.n_kept, done.n_labelled) == (1, 0)
+    done = label_batch(
+        found, out, LabelOptions(model=str(model)), InProcessWorkers(), progress=Silent()
+    )
+    assert (done.n_skipped, done.n_labelled) == (1, 0)
     assert [row["name"] for row in far_rows(bucket, "failures.csv")] == ["torn"]
     bucket.rm_file("/maps/torn.yaml")
-    label_batch(found, out, LabelOptions(model=str(model)), Here(), progress=Silent())
+    label_batch(found, out, LabelOptions(model=str(model)), InProcessWorkers(), progress=Silent())
     assert not bucket.exists("/out/failures.csv")
 
 
@@ -217,7 +221,7 @@ def test_what_is_done_is_found_with_many_requests_at_once(bucket: Any, model: Pa
             target = f"/{folder}/site{number % 10}/{number}"
             for name in bucket.find(f"/{folder}/floor1"):
                 bucket.cp_file(name, target + name.removeprefix(f"/{folder}/floor1"))
-    assert label(model, "memory://out").n_kept == 120
+    assert label(model, "memory://out").n_skipped == 120
     before = {path: bucket.modified(path) for path in bucket.find("/out")}
     out, options = Path("memory://out"), LabelOptions(model=str(model))
     planning, labelling = Clock(), Clock()
@@ -226,7 +230,8 @@ def test_what_is_done_is_found_with_many_requests_at_once(bucket: Any, model: Pa
         assert len(plan(found, out, options).done) == 120
     with labelling.running():
         found = find_maps(["memory://maps"], out, root=recorded_root(out))
-        assert label_batch(found, out, options, Here(), progress=Silent()).n_kept == 120
+        done = label_batch(found, out, options, InProcessWorkers(), progress=Silent())
+        assert done.n_skipped == 120
     assert max(planning.now_s, labelling.now_s) <= 2.0
     assert {path: bucket.modified(path) for path in bucket.find("/out")} == before
 
@@ -283,15 +288,15 @@ def test_results_among_the_far_maps_are_no_maps(bucket: Any, model: Path) -> Non
 def test_an_image_elsewhere_is_not_fetched(bucket: Any, model: Path, tmp_path: Path) -> None:
     bucket.pipe_file("/maps/torn.yaml", b"image: ../secret.png\nresolution: 0.05\n")
     label(model, tmp_path / "out")
-    assert "lies outside its folder" in (tmp_path / "out" / "failures.csv").read_text()
+    assert "is outside the map's folder" in (tmp_path / "out" / "failures.csv").read_text()
 
 
 def test_addresses_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(MapError, match=r"nonsense://maps: .*Protocol not known"):
         find_maps(["nonsense://maps"])
-    with pytest.raises(MapError, match=r"memory://none/\*.yaml: no map in it"):
+    with pytest.raises(MapError, match=r"memory://none/\*.yaml: no map found"):
         find_maps(["memory://none/*.yaml", "memory://none"])
-    with pytest.raises(MapError, match="label what lies in different places by itself"):
+    with pytest.raises(MapError, match="the maps have no common folder"):
         find_maps(["memory://a/b.yaml", str(tmp_path / "c.yaml")])
     monkeypatch.setattr("pgm_places.io.remote_files.find_spec", lambda _: None)
     with pytest.raises(MapError, match=r"s3://b/m: an address, .*\[remote\]"):

@@ -11,14 +11,14 @@ from pgm_places.batch.label_batch import label_batch
 from pgm_places.cli.places import rename
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.shared import Here
+from tests.batch.shared import InProcessWorkers
 
 
 def label(maps: Path, model: Path) -> Path:
     """The maps as a batch labels them: the folder of one of them."""
     out = maps.parent / "out"
     options = LabelOptions(model=str(model))
-    label_batch(find_maps([str(maps)], out), out, options, Here(), progress=Silent())
+    label_batch(find_maps([str(maps)], out), out, options, InProcessWorkers(), progress=Silent())
     return out / "floor1" / "map"
 
 
@@ -49,7 +49,7 @@ def test_a_list_that_cannot_be_written_is_said_and_the_name_stays_new(
     first = row_of(folder)["check_first"]
     (folder.parent.parent / "summary.csv").write_text("a,b\n1,2\n")
     rename(folder, first, "workshop")
-    assert "summary.csv: its columns are not those of a list of maps" in capsys.readouterr().err
+    assert "summary.csv: not a table of labelled maps" in capsys.readouterr().err
     assert "workshop" in (folder / "places.json").read_text()
 
 

@@ -20,7 +20,7 @@ from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.report.comparison_files import write_comparison
 from pgm_places.simulation import generate_building
-from tests.batch.shared import Dying, Here
+from tests.batch.shared import CrashingWorkers, InProcessWorkers
 
 CONFIG = """
 labels.names = ["corridor", "room", "doorway"]
@@ -77,7 +77,7 @@ def test_a_copy_of_a_map_in_another_building_is_told_once(
     """Each fold is compared by a worker, which tells nobody."""
     shutil.rmtree(tmp_path / "floor3")
     shutil.copytree(tmp_path / "floor1", tmp_path / "floor3")
-    found = compare_several(experiment, Here(), by_building=True)
+    found = compare_several(experiment, InProcessWorkers(), by_building=True)
     overlaps = [message for message in found.warnings if "also trained on" in message]
     assert [message.split("(")[1].split(")")[0] for message in overlaps] == ["floor1", "floor3"]
     assert experiment.warnings == list(found.warnings)
@@ -87,7 +87,7 @@ def test_the_results_of_all_folds_are_one_comparison(
     experiment: Experiment, tmp_path: Path
 ) -> None:
     cached = replace(experiment, feature_cache=FeatureCache(tmp_path / "cache"))
-    found = compare_several(cached, Here(), by_building=True)
+    found = compare_several(cached, InProcessWorkers(), by_building=True)
     assert [item.name for item in found.maps] == ["floor0", "floor2", "floor1", "floor3"]
     assert found.title == "Place labelling: each of 3 buildings left out"
     alone = [compare(Experiment(task.config, experiment.folder)) for task in held_out(experiment)]
@@ -106,7 +106,8 @@ def test_the_results_of_all_folds_are_one_comparison(
 
 def test_processes_find_the_same(experiment: Experiment) -> None:
     here, there = (
-        compare_several(experiment, item, by_building=True) for item in (Here(), LocalWorkers(1))
+        compare_several(experiment, item, by_building=True)
+        for item in (InProcessWorkers(), LocalWorkers(1))
     )
     np.testing.assert_array_equal(
         here.methods[0].evaluation.confusion, there.methods[0].evaluation.confusion
@@ -114,11 +115,11 @@ def test_processes_find_the_same(experiment: Experiment) -> None:
 
 
 def test_a_building_whose_workers_die_is_an_error(experiment: Experiment) -> None:
-    with pytest.raises(Exception, match="every worker died on a:"):
-        compare_several(experiment, Dying(), by_building=True)
+    with pytest.raises(Exception, match="every worker was killed on a,"):
+        compare_several(experiment, CrashingWorkers(), by_building=True)
 
 
 def test_one_building_cannot_be_left_out(experiment: Experiment) -> None:
     alone = replace(experiment.config, train=experiment.config.train[1:2])
     with pytest.raises(ConfigError, match="needs maps of two buildings"):
-        compare_several(replace(experiment, config=alone), Here(), by_building=True)
+        compare_several(replace(experiment, config=alone), InProcessWorkers(), by_building=True)

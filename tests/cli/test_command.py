@@ -91,7 +91,7 @@ def test_an_argument_too_many() -> None:
     ) -> None:
         """Two."""
 
-    with pytest.raises(InputError, match="'3' is one argument too many; see pgm-places two"):
+    with pytest.raises(InputError, match="unexpected argument '3'; see pgm-places two"):
         Command("two", two).values(["1", "2", "3"])
     with pytest.raises(InputError, match="X and Y must be given"):
         Command("two", two).values([])

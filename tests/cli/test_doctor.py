@@ -40,12 +40,11 @@ def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) 
     assert text.splitlines()[2:8] == [
         "origin (0.0, 0.0), yaw 0.5 rad",
         "map: 49.8 % free, 12.7 % occupied, 37.5 % unknown",
-        "4,784 cells to label, of 0.05 m",
-        "note: the map has cells of 0.1 m, the model was trained at 0.05 m: split by 2, from "
-        "2,400 cells to 9,600, 4,784 of them free to be labelled; each cell takes the most "
-        "frequent label of its parts",
-        "note: the map is turned by 28.65 degrees about its origin: positions of places are in the "
-        "frame it is turned in, rasters are as the image; Nav2's costmaps do not turn maps",
+        "4,784 cells of 0.05 m to label",
+        "note: resampled from 0.1 m to 0.05 m cells for the model (4,784 free cells); each cell "
+        "gets the most frequent label of its parts",
+        "note: the map is rotated by 28.65 degrees about its origin: positions of places are in "
+        "the map frame, rasters are aligned with the image; Nav2's costmaps ignore the rotation",
         "no problems found",
     ]
     assert text.endswith("no problems found\n")
@@ -58,7 +57,7 @@ def test_an_image_beside_its_description_is_corrected(tmp_path: Path, run: Run) 
     path.write_text(path.read_text().replace("image: map.png", "image: /home/robot/map.png"))
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
-    assert text.startswith(f"corrected {path}: image map.png; the original file is map.yaml.orig")
+    assert text.startswith(f"corrected {path}: image map.png; original saved as map.yaml.orig")
     assert text.endswith("no problems found\n")
 
 
@@ -78,7 +77,7 @@ def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
     assert path.read_text() == before
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
-    assert f"corrected {path}: free_thresh 0.196; the original file is map.yaml.orig" in text
+    assert f"corrected {path}: free_thresh 0.196; original saved as map.yaml.orig" in text
     assert text.endswith("\nno problems found\n")
     assert (tmp_path / "map.yaml.orig").read_text() == before
     assert path.read_text() == before.replace("0.25", "0.196")
@@ -121,11 +120,9 @@ def test_a_folder_of_maps_is_a_table(tmp_path: Path, run: Run) -> None:
     assert table[5] == (
         "2 of 2 maps can be labelled: 120,796 cells in about 15 s of processor time"
     )
-    assert table[6].startswith("(estimates for one thread, from the time that a generated floor")
-    assert "100 µs a cell" in table[6]
-    assert table[7].startswith(
-        "fine/coarse/map: the map has cells of 0.5 m, the model was trained at 0.05"
-    )
+    assert table[6].startswith("(estimated for one thread from a generated floor")
+    assert "100 µs per cell" in table[6]
+    assert table[7].startswith("fine/coarse/map: resampled from 0.5 m to 0.05")
     assert len(table) == 8
 
 

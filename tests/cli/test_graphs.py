@@ -81,7 +81,7 @@ def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run:
     assert code == 0, err
     page = (tmp_path / "out" / "report.html").read_text()
     assert "1 test graph" in page
-    overlap = "30 of 30 labelled test nodes are also trained on (ring): figures on them say nothing"
+    overlap = "30 of 30 labelled test nodes are also trained on (ring): results on them"
     assert overlap in page
     assert f"warning: {overlap}" in err
     code, _, err = run("train", config, "--out", tmp_path / "model")
@@ -94,8 +94,8 @@ def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run:
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (("--by-building", "--folds", "2"), "give --by-building, which leaves out one at a time"),
-        (("--jobs", "2"), "share out several splits or seeds: give --by-building, --folds or"),
+        (("--by-building", "--folds", "2"), "--by-building and --folds cannot be combined"),
+        (("--jobs", "2"), "distribute several splits or seeds; add --by-building, --folds or"),
         (("--seeds", "1"), "--seeds"),
     ],
 )

@@ -54,13 +54,13 @@ def test_a_folder_is_a_batch_that_ends_with_3_where_a_map_is_bad(floors: Path, r
     single = [*label[:1], floors / "floors/f1/map.yaml", *label[2:]]
     code, _, error = run(*single, "--quiet")
     assert code == 2
-    assert f"{out} holds the results of many maps: choose another folder" in error
+    assert f"{out} has the results of a batch: choose another folder" in error
     code, text, _ = run(*single, "--quiet", "--jobs", 1)
     assert (code, text.splitlines()[0]) == (0, "1 map: 0 labelled, 1 done before")
     (floors / "floors" / "f3" / "map.yaml").unlink()
     code, text, _ = run(*label, "--quiet")
     assert code == 0
-    assert text.splitlines()[0] == "2 maps: 0 labelled, 2 done before"
+    assert text.splitlines()[0] == "2 maps: 0 labelled, 2 already done"
 
 
 def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) -> None:
@@ -76,11 +76,14 @@ def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--jobs", "2", "--scheduler", "tcp://127.0.0.1:9"], "--jobs is for this machine"),
+        (
+            ["--jobs", "2", "--scheduler", "tcp://127.0.0.1:9"],
+            "--jobs cannot be combined",
+        ),
         (["--memory", "much"], "--memory expects a size such as 4GB"),
         (["--method", "adabost"], "Did you mean 'adaboost'"),
         (["--doorways", "doors"], "--doorways"),
-        (["--shard", "0/4"], "--shard expects i/n, such as 3/16"),
+        (["--shard", "0/4"], "--shard expects I/N with I from 1 to N"),
         (["--outputs", "picture"], "Did you mean 'pictures'"),
         (["--time-limit", "0"], "--time-limit"),
     ],
@@ -123,7 +126,7 @@ def test_a_batch_that_was_killed_goes_on_where_it_stopped(floors: Path, run: Run
     code, text, _ = run(*label)
     assert code == 3
     assert text.splitlines()[0] == (
-        f"11 maps: {10 - len(done)} labelled, {len(done)} done before, 1 failed"
+        f"11 maps: {10 - len(done)} labelled, {len(done)} already done, 1 failed"
     )
     assert all(path.stat().st_mtime_ns == time_ns for path, time_ns in done.items())
     assert not list(out.rglob(".*.tmp"))
@@ -150,7 +153,7 @@ def test_a_batch_is_planned_done_in_parts_and_listed_anew(floors: Path, run: Run
     assert (code, error) == (0, "")
     assert text.splitlines() == [
         "2 maps labelled, 1 failed",
-        "no longer in the input: f2/map; its results stay until you remove the folder",
+        "no longer in the input: f2/map; results are kept until you remove the folder",
         *(
             f"wrote {out / name}"
             for name in ("failures.csv", "index.html", "summary.csv", "places.parquet")
@@ -172,5 +175,5 @@ def test_a_batch_is_planned_done_in_parts_and_listed_anew(floors: Path, run: Run
 def test_a_folder_without_labelled_maps_is_no_index(floors: Path, run: Run) -> None:
     code, _, error = run("index", floors / "floors")
     assert code == 2
-    assert "no labelled map below it" in error
+    assert "no labelled map (a folder with " in error
     assert not list((floors / "floors").glob("*.csv"))

@@ -52,7 +52,7 @@ def test_a_drive_in_another_frame_is_refused_in_one_line(folder: Path, track: Tr
     assert (code, text) == (2, "")
     [line] = error.splitlines()
     assert "wrong does not fit" in line and "0 % of its poses lie in free space" in line
-    assert line.endswith("--force labels it all the same")
+    assert line.endswith("--force labels it anyway")
     assert not (folder / "out").exists()
 
 

@@ -211,7 +211,7 @@ def test_gates_that_are_not_known_are_said_to_be(building: Path, run: Run) -> No
         *("--out", building / "gated", "--doorways", "gates"),
     )
     assert code == 0
-    assert "there is no details/settings.json with gates beside the labels" in error
+    assert "no details/settings.json with gates next to the labels" in error
 
 
 def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run: Run) -> None:
@@ -354,7 +354,7 @@ def test_an_export_changed_by_hand_stays_and_is_named(exported: tuple[Path, int]
     (folder / "places.dot").write_text(edited)
     code, _, err = run("rename", folder, "kitchen", "workshop")
     assert code == 0
-    assert "places.dot was changed since it was exported and keeps the earlier name" in err
+    assert "places.dot was changed since it was exported and still has the old name" in err
     assert (folder / "places.dot").read_text() == edited
     assert texts(folder, "kitchen") == ["places.dot"]
 
@@ -367,7 +367,7 @@ def test_rename_names_the_exports_in_other_folders(places: Path, tmp_path: Path,
     code, _, err = run("rename", places, 1, "workshop")
     assert code == 0
     assert (
-        f"exports in other folders keep the earlier name: graphml in {out}, dot in {out}\n" in err
+        f"exports in other folders still have the old name: graphml in {out}, dot in {out}\n" in err
     )
     assert "workshop" not in (out / "places.graphml").read_text()
     shutil.rmtree(out)
@@ -381,7 +381,7 @@ def test_a_damaged_record_does_not_keep_an_export_from_another_folder(
     record.write_text("{")
     code, _, err = run("export", places, "--to", "dot", "--out", tmp_path / "elsewhere")
     assert code == 0 and (tmp_path / "elsewhere" / "places.dot").exists()
-    assert "exports.json" in err and "keeps an earlier name" in err
+    assert "exports.json" in err and "will not know of the export" in err
     assert record.read_text() == "{"
 
 

@@ -185,7 +185,7 @@ def test_following_goes_on_with_the_log_that_takes_its_place(
     monkeypatch.setattr(time, "sleep", wait)
     code, text, error = run("track", log, "--follow", "-m", folder / "model")
     assert code == 0
-    assert error.count("going on with the new one") == 2
+    assert error.count("reading it from its start") == 2
     assert len(text.splitlines()) == sum(line.startswith(b"FLASER") for line in lines[:-5])
 
 
@@ -313,7 +313,7 @@ def test_counts_that_do_not_fit_are_named(
         (["drive.mcap", "--follow"], "drive.mcap is a bag, whose index is written when recording"),
         (["drive.csv", "--follow"], "drive.csv has poses but no scans; pass the map to cast"),
         (["drive.log", "--follow", "--truth", "truth.csv"], "--truth scores complete logs"),
-        (["drive.log", "--out", "out", "--jsonl"], "--jsonl is for --follow"),
+        (["drive.log", "--out", "out", "--jsonl"], "--jsonl requires --follow"),
         (["drive.log", "--out", "out", "--map-labels", "model"], "places.json"),
         (["/dev/null", "--follow"], "is a device or a pipe"),
         (["a\x1b[2Jb.log", "--out", "out"], r"a\x1b[2Jb.log: no such file"),

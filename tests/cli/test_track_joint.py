@@ -110,7 +110,7 @@ def test_a_finer_map_is_labelled_at_the_resolution_of_the_model() -> None:
     found = label_map_and_drive(joint(), refine(grid, grid.resolution_m / 2), path)
     expected = joint().label(grid, path)
     assert expected.cells is not None and expected.steps is not None
-    assert "coarsened by 2, from" in found.map.warnings[0]
+    assert "resampled from" in found.map.warnings[0]
     unentered = found.map.unentered
     assert unentered is not None
     _assert_only_reachable_space_has_labels(
@@ -123,7 +123,7 @@ def test_a_finer_map_is_labelled_at_the_resolution_of_the_model() -> None:
     ("arguments", "message"),
     [
         (["--mode", "smooth"], "this model's method is PottsField, which labels whole drives"),
-        (["--map-labels", "labelled"], "pass --map only"),
+        (["--map-labels", "labelled"], "pass --map instead"),
         (["--counts", "counts.csv"], "this model uses the laser only"),
         (["--follow"], "labels a whole drive together with its map"),
         (["--every", "-1"], "--every"),

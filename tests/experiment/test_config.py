@@ -66,10 +66,10 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             source(furniture=False),
             "train[0]: furniture: for generated buildings only",
         ),
-        (changed(train=[{"labels": "a.png"}]), "train[0]: give either map (a YAML file) or"),
+        (changed(train=[{"labels": "a.png"}]), "train[0]: either map (a YAML file) or"),
         (
             source(generated=1),
-            "train[0]: give either map (a YAML file) or generated",
+            "train[0]: either map (a YAML file) or generated",
         ),
         (changed(train=[{"generated": 1, "labels": "a.png"}]), "train[0]: a generated building"),
         (changed(classifier={"prior_weight": -1.0}), "prior_weight must be a number from 0 to 2"),
@@ -78,7 +78,7 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             source(unknown_value="any"),
             "unknown_value must be a whole number from 0 to 255, 'none', or None, got 'any'",
         ),
-        (changed(train=[{"map": "a.yaml"}]), "train[0]: give either labels (an image) or regions"),
+        (changed(train=[{"map": "a.yaml"}]), "train[0]: either labels (an image), regions"),
         (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
         (changed(methods=[{"name": "relaxaton"}]), "Did you mean 'relaxation'?"),
         (

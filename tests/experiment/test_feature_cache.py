@@ -82,7 +82,7 @@ def test_only_what_is_drawn_is_kept(
     assert len(casts) == 2
     files = list(cache.folder.iterdir())
     assert sum(path.stat().st_size for path in files) == 2 * (40 * BYTES_OF_CELL + 128)
-    assert told == [f"the features of 80 cells of 2 maps will take 0.1 MB of {cache.folder}"]
+    assert told == [f"the features of 80 cells of 2 maps will take 0.1 MB in {cache.folder}"]
     np.testing.assert_array_equal(cells(maps[1:], 40, cache).features, plain.features[40:])
     assert len(casts) == 2  # beside other maps the same cells are drawn
 
@@ -104,7 +104,7 @@ def test_a_disk_without_room_is_refused_before_anything_is_cast(
     cache = FeatureCache(tmp_path / "new" / "cache")
     free = 80 * BYTES_OF_CELL
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
-    with pytest.raises(OutputError, match=r"of 80 cells of 2 maps would take 0.1 MB of .* 0.1 MB "):
+    with pytest.raises(OutputError, match=r"of 80 cells of 2 maps need 0.1 MB in .* 0.1 MB "):
         cells(maps, 40, cache)
     assert not casts and not (tmp_path / "new").exists()
     cells(maps, 35, cache)

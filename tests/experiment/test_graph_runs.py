@@ -155,8 +155,8 @@ def test_columns_without_numbers_are_left_out_with_a_word(tmp_path: Path) -> Non
     [found] = load_graphs(made, "train")
     assert found.features[0] == ("x", "y", "red", "green", "blue")
     assert made.warnings == [
-        "nodes5.csv: column 'owner' holds 'me', which is not a finite number, and is left out of "
-        "the features"
+        "nodes5.csv: column 'owner' has the value 'me', which is not a finite number, and is not "
+        "used as a feature"
     ]
 
 
@@ -170,7 +170,9 @@ def test_a_number_of_400_digits_is_none_to_learn_from(tmp_path: Path) -> None:
     [found] = load_graphs(made, "train")
     assert found.features[0] == ("age",)
     [warning] = made.warnings
-    assert "column 'size' holds 1000" in warning and "which is not a finite number" in warning
+    assert (
+        "column 'size' has the value 1000" in warning and "which is not a finite number" in warning
+    )
     sizes = {"file": "g.graphml", "features": ["size"]}
     made = experiment(tmp_path, labels=labels, train=[{"graph": sizes}], test=[])
     with pytest.raises(InputError, match="column 'size' must hold numbers, got 1000"):
@@ -197,13 +199,13 @@ def _graph(**keys: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (_graph(label="place"), r"train\[0\] \(nodes0\): column 'place' has no label"),
+        (_graph(label="place"), r"train\[0\] \(nodes0\): column 'place' has no true labels"),
         (_graph(node="id"), r"train\[0\] \(nodes0\): there is no column 'id', only 'node', 'x'"),
         (_graph(ends=["a", "b"]), "there is no column 'a', only 'source', 'target'"),
         (_graph(features=["label"]), "column 'label' must hold numbers, got 'sky'"),
         (_graph(features=["size"]), "there is no column 'size'"),
         (_graph(positions=["x", "label"]), "column 'label' must hold numbers"),
-        (_graph(known="blue"), "column 'blue' holds '.*', which is not one of"),
+        (_graph(known="blue"), "column 'blue' has the value '.*', which is not one of"),
         (_graph(probabilities=["red"]), "a column for each of the 3 labels"),
         (_graph(probabilities=["red", "green", "blue"]), "probabilities must be from 0 to 1"),
         (_graph(classes={"cloud": "sky"}), r"translates none of \['field', 'house', 'sky'\]"),
@@ -234,9 +236,12 @@ def test_graphs_must_have_the_same_features(tmp_path: Path) -> None:
         ({"nodes": "cells"}, r"train\[0\] is a graph; write nodes = 'graph'"),
         ({"train": [{"generated": 1}]}, r"train\[0\] is not a graph; give graph"),
         ({"sensor": {"n_beams": 90}}, "sensor is for maps and drives"),
-        ({"methods": [{"name": "potts", "unary": "laser"}]}, "methods.potts: unary is 'auto'"),
+        (
+            {"methods": [{"name": "potts", "unary": "laser"}]},
+            "for graphs, unary must be 'auto'",
+        ),
         ({"train": [{"graph": {}}]}, r"train\[0\].graph: give either file"),
-        ({"train": [{"graph": {"file": "a", "edges": "b"}}]}, "edges is a table beside nodes"),
+        ({"train": [{"graph": {"file": "a", "edges": "b"}}]}, "edges requires nodes"),
         ({"train": [{"graph": "a", "half": "left"}]}, "half does not apply to graph"),
         ({"train": [{"graph": {"filee": "a"}}]}, "unknown key 'train.*filee'.*'file'"),
         (

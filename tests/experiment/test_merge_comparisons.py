@@ -19,7 +19,7 @@ from pgm_places.experiment.significance import judge
 from pgm_places.experiment.splits import splits_of
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
-from tests.batch.shared import Here
+from tests.batch.shared import InProcessWorkers
 from tests.experiment.test_significance import NAMES, floors, wrong_at
 from tests.experiment.test_splits import experiment as of_graphs
 
@@ -40,7 +40,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
 
 @pytest.fixture(scope="module")
 def found(made: Experiment) -> Comparison:
-    return compare_several(made, Here(), n_folds=2, seeds=SEEDS)
+    return compare_several(made, InProcessWorkers(), n_folds=2, seeds=SEEDS)
 
 
 def test_figures_are_those_of_all_runs(made: Experiment, found: Comparison) -> None:
@@ -120,14 +120,14 @@ def test_one_run_says_nothing_of_seeds_or_splits(made: Experiment) -> None:
 
 def test_where_nothing_is_drawn_a_line_says_so(tmp_path: Path) -> None:
     plain = of_graphs(tmp_path, methods=METHODS[:1])
-    found = compare_several(plain, Here(), n_folds=2, seeds=(1, 2))
-    assert any("label alike with each of the 2 seeds" in line for line in found.warnings)
+    found = compare_several(plain, InProcessWorkers(), n_folds=2, seeds=(1, 2))
+    assert any("are equal for all 2 seeds" in line for line in found.warnings)
     assert found.methods[0].spread(lambda one: one.accuracy) == 0
 
 
 def test_listed_splits_are_compared(tmp_path: Path) -> None:
     listed = [{"test": ["a"]}, {"test": ["a", "c"], "train": ["b"], "name": "from b"}]
-    found = compare_several(of_graphs(tmp_path, splits=listed), Here())
+    found = compare_several(of_graphs(tmp_path, splits=listed), InProcessWorkers())
     assert found.title == "Node labelling: 2 splits"
     assert found.splits == {"a": range(2), "from b": range(2, 5)}
     assert found.judgement.differences[0].buildings.n_buildings == 2

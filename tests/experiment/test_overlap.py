@@ -55,8 +55,8 @@ def test_cells_of_a_map_that_is_trained_on_are_counted() -> None:
         [floor("a"), floor("b", 1)], [floor("copy of a", building="copy"), floor("c", 2)]
     )
     assert message == (
-        "39 of 78 labelled test cells are also trained on (copy of a): figures on them say nothing "
-        "about new maps; test on others, or on other parts of these"
+        "39 of 78 labelled test cells are also trained on (copy of a): results on them are "
+        "over-optimistic; test on other maps, or on other parts of these"
     )
 
 
@@ -73,8 +73,8 @@ def test_a_building_that_is_named_on_both_sides_is_named() -> None:
     named = {"building": "B79"}
     [message] = warned([one], [other], buildings=(named, named))
     assert message == (
-        "[[train]] and [[test]] share a building (B79): figures say little about other buildings; "
-        "test in another one"
+        "[[train]] and [[test]] share a building (B79): results are over-optimistic for other "
+        "buildings; test in another building"
     )
     assert warned([one], [floor("c", 2)], buildings=(named, {})) == []
 
@@ -94,7 +94,7 @@ def drive(steps: slice) -> SourceDrive:
 def test_steps_of_one_log_are_known_again() -> None:
     [message] = warned([drive(slice(0, 6))], [drive(slice(4, 10))], "steps")
     assert message.startswith("2 of 6 labelled test steps are also trained on")
-    assert "new drives" in message
+    assert "test on other drives" in message
     assert warned([drive(slice(0, 5))], [drive(slice(5, 10))], "steps") == []
 
 

@@ -143,7 +143,7 @@ def test_cells_and_steps_of_one_building_cannot_be_held_out_together() -> None:
         "select": {"options": {"methods.potts.weight": [1.0, 2.0]}},
     }
     experiment = Experiment(parse_config(content), Path())
-    with pytest.raises(ConfigError, match="'both' holds out whole buildings"):
+    with pytest.raises(ConfigError, match="'both' holds out buildings"):
         select(experiment, Sources([], [drive(known, "a", 10.0)]))
 
 

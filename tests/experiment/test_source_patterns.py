@@ -100,12 +100,12 @@ def test_other_tables_stay_as_they_are(folder: Path) -> None:
         ({"map": "floors/*/none.yaml"}, r"train\[0\]: no file matches map = 'floors/\*/none.yaml'"),
         (
             {"map": "floors/*/*/map.yaml", "labels": "labels.png"},
-            r"map has 2 wildcards .*, so labels must have as many",
+            r"map has 2 wildcards .*, so labels must have the same number",
         ),
         ({"map": "floors/*/*/map.yaml", "name": "floor"}, "name is for one map"),
         (
             {"map": "floors/*/*/map.yaml", "buildings": "buildings.csv", "building": "x"},
-            "give building, or buildings",
+            "building and buildings",
         ),
         ({"map": "floors/*/*/map.yaml", "buildings": "few.csv"}, "no building of .*/b/map.yaml"),
         ({"map": "floors/*/*/map.yaml", "buildings": "none.csv"}, "none.csv: no such file"),

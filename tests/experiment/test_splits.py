@@ -58,9 +58,9 @@ def test_listed_splits_learn_from_what_they_name_or_from_the_rest(tmp_path: Path
     [
         ([{"test": ["e"]}], r"splits\[0\].test: no building 'e' in \[\[train\]\] to test on"),
         ([{"test": ["a"], "train": ["x"]}], r"splits\[0\].train: no building 'x'"),
-        ([{"test": ["a", "b", "c", "d"]}], r"splits\[0\].test holds all buildings out"),
+        ([{"test": ["a", "b", "c", "d"]}], r"splits\[0\].test has all buildings"),
         ([{"test": ["c", "a"], "train": ["a", "b"]}], "'a' is in both train and test of a split"),
-        ([], r"5 folds by building need as many buildings .* are 4"),
+        ([], r"5 folds need at least 5 buildings .* has 4"),
     ],
 )
 def test_splits_that_fit_no_building_are_refused(
@@ -68,5 +68,5 @@ def test_splits_that_fit_no_building_are_refused(
 ) -> None:
     with pytest.raises(ConfigError, match=text):
         splits_of(experiment(tmp_path, splits=splits), n_folds=None if splits else 5)
-    with pytest.raises(ConfigError, match=r"give \[\[splits\]\] of \[\[train\]\] or \[\[test\]\]"):
+    with pytest.raises(ConfigError, match=r"\[\[splits\]\] and \[\[test\]\] cannot be combined"):
         parse_config(content(tmp_path, splits=[{"test": ["a"]}]))

@@ -133,19 +133,22 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
                 "train": [{"generated": 1}],
                 "select": {"options": {"steps.every_m": [0.1]}},
             },
-            r"\[select\] scores options on training drives .* has none",
+            r"\[select\] evaluates options on held-out training drives; .* has no drive",
         ),
         ({"nodes": "step"}, "nodes must be 'cells', 'steps', 'both' or 'graph', got 'step'"),
         (
             {"nodes": "both", "test": [{"log": "a.log", "truth": "a.csv"}]},
-            r"test\[0\]: steps are joined to the cells of a map; give map too",
+            r"test\[0\]: nodes = 'both' needs the drive's map; add map",
         ),
         ({"test": [{"drive": {"generated": 1}, "truth": "t.csv"}]}, "truth does not apply to d"),
         ({"test": [{"map": "a.yaml", "labels": "l.png", "to_step": 3}]}, "to_step does not apply"),
         ({"test": [{"log": "a.log", "generated": 2}]}, "generated does not apply to log"),
         ({"test": [{"log": "a.log", "labels": "l.png"}]}, "labels and regions are .* add map"),
-        ({"test": [{"log": "a.log", "laser": {}}]}, "laser simulates scans in a map; add map"),
-        ({"test": [{"log": "a.log", "drive": {"generated": 1}}]}, "not both"),
+        (
+            {"test": [{"log": "a.log", "laser": {}}]},
+            "laser simulates scans in a map and requires map",
+        ),
+        ({"test": [{"log": "a.log", "drive": {"generated": 1}}]}, "cannot be combined"),
         (
             {"test": [{"log": "a.log", "region": [1.0, 0.0, 0.0, 1.0]}]},
             "region must be the minimum x",
@@ -154,7 +157,7 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
             {"nodes": "both", "test": [{"log": "a.log", "map": "a.yaml", "counts": "c.csv"}]},
             r"test\[0\]: counts are for nodes = 'steps'",
         ),
-        ({"test": [{"log": "a.log", "counts_within_s": 2.0}]}, "counts_within_s is for counts"),
+        ({"test": [{"log": "a.log", "counts_within_s": 2.0}]}, "counts_within_s requires counts"),
         ({"test": [{"drive": {"generated": 1}, "counts": "c.csv"}]}, "counts does not apply to d"),
         ({"steps": {"every": 0.1}}, r"unknown key 'steps.every'\. Did you mean 'every_m'"),
     ],
@@ -248,7 +251,7 @@ def test_true_places_come_from_a_table_the_log_itself_or_a_labelled_map(folder: 
     assert (by_map.name, loaded(folder, **LOG, name="monday").name) == ("drive", "monday")
     np.testing.assert_array_equal(by_map.labels, by_table.labels)
     np.testing.assert_array_equal(by_map.labels, by_itself.labels)
-    with pytest.raises(LabelError, match=r"the true places of drive\.log\.gz are missing"):
+    with pytest.raises(LabelError, match=r"drive\.log\.gz has no true labels"):
         loaded(folder, log="drive.log.gz", map="map.yaml")
     write_trajectory(folder / "short.csv", by_itself[:7])
     with pytest.raises(LogError, match=r"short\.csv has 7 rows but the log \d+ steps"):
@@ -283,7 +286,7 @@ def test_a_part_of_a_log_by_steps_or_by_region(folder: Path) -> None:
     np.testing.assert_array_equal(halved.labels, np.where(whole.poses[:, 0] <= x, whole.labels, -1))
     with pytest.raises(LogError, match="from_step 9000 to to_step the end contains no step"):
         loaded(folder, **LOG, from_step=9000)
-    with pytest.raises(LabelError, match=r"test\[0\] .* no step has a known place"):
+    with pytest.raises(LabelError, match=r"test\[0\] .* no step has a true label"):
         loaded(folder, **LOG, region=[900.0, 900.0, 901.0, 901.0])
 
 
@@ -324,11 +327,11 @@ def test_drives_with_and_without_counts_are_not_mixed(folder: Path) -> None:
 
     [found] = compare(experiment([counted], [counted])).maps
     assert isinstance(found, EvalDrive)
-    with pytest.raises(ConfigError, match="has no counts of objects, and other drives have"):
+    with pytest.raises(ConfigError, match="has no object counts, but other drives have"):
         compare(experiment([counted, plain], [counted]))
-    with pytest.raises(ConfigError, match="has no counts of objects, and other drives have"):
+    with pytest.raises(ConfigError, match="has no object counts, but other drives have"):
         compare(experiment([counted], [plain]))
-    with pytest.raises(ConfigError, match="the training drives have no counts; remove these"):
+    with pytest.raises(ConfigError, match="the training drives have no counts; remove counts"):
         compare(experiment([plain], [counted]))
     [drive] = load_drives(experiment([counted], [counted]), "train")
     assert counted_objects([drive]) == ("lamp",)

@@ -42,15 +42,18 @@ def test_a_base_model_goes_on_learning_with_options_that_are_checked() -> None:
         ({"base_model": None}, "methods: give at least one, as a table [[methods]]"),
         (
             {"base_model": None, "methods": [{"name": "potts"}], "teaching": {"keep": 1.0}},
-            "[teaching] says how a base_model continues to learn; give base_model",
+            "[teaching] has the options of further training and requires base_model",
         ),
         ({"methods": [{"name": "potts"}]}, "methods is for training from scratch; base_model"),
         ({"classifier": {"n_rounds": 7}}, "classifier is for training from scratch"),
         ({"resolution_m": 0.1}, "resolution_m is for training from scratch"),
-        ({"base_model": "none", "teaching": {"keep": 1.0}}, "[teaching] takes max_cells_per_class"),
+        (
+            {"base_model": "none", "teaching": {"keep": 1.0}},
+            "[teaching] has only the options max_cells_per_class",
+        ),
         ({"teaching": {"n_round": 3}}, "Did you mean 'n_rounds'?"),
         ({"teaching": {"seed": -1}}, "teaching.seed must be a whole number from 0 to"),
-        ({"train": [{"map": "map.yaml"}]}, "give either labels (an image) or regions (a GeoJSON"),
+        ({"train": [{"map": "map.yaml"}]}, "either labels (an image), regions (a GeoJSON"),
     ],
 )
 def test_what_does_not_fit_a_base_model_is_refused(changes: dict[str, Any], message: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.floor import view as view_module
-from pgm_places.floor.view import View, floor_scores, views_of
+from pgm_places.floor.view import FloorView, floor_scores, views_of
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.floor.random_network import random_network
 from tests.floor.test_raster import random_grid
@@ -56,8 +56,8 @@ def test_a_turned_view_is_the_view_of_a_turned_map(quarters: int, mirrored: bool
     grid = blob((96, 128))
     turned = np.rot90(grid.cells, quarters)
     turned = turned[:, ::-1] if mirrored else turned
-    one = floor_scores(grid, NETWORKS, [View(0, quarters, mirrored=mirrored)])
-    other = floor_scores(OccupancyGrid(turned.copy(), 0.1), NETWORKS, [View(0)])
+    one = floor_scores(grid, NETWORKS, [FloorView(0, quarters, mirrored=mirrored)])
+    other = floor_scores(OccupancyGrid(turned.copy(), 0.1), NETWORKS, [FloorView(0)])
     back = other.log_p[:, ::-1] if mirrored else other.log_p
     np.testing.assert_allclose(np.rot90(back, -quarters), one.log_p, rtol=2e-3, atol=2e-2)
 
@@ -76,7 +76,7 @@ LOCAL: Any = (Local(),)
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
 def test_a_shift_moves_the_blocks_by_a_cell(shifted: bool, quarters: int) -> None:
     grid = blob((41, 50))
-    seen = floor_scores(grid, LOCAL, [View(0, quarters, shifted=shifted)])
+    seen = floor_scores(grid, LOCAL, [FloorView(0, quarters, shifted=shifted)])
     found = seen.log_p[..., 0] - seen.log_p[..., 1].astype(np.float64)
     free = np.pad(grid.free, 2).astype(int)
     fits = []
@@ -93,7 +93,7 @@ def test_a_shift_moves_the_blocks_by_a_cell(shifted: bool, quarters: int) -> Non
 
 
 def test_several_views_are_the_mean_of_their_log_probabilities() -> None:
-    views = (View(0), View(1, 1, mirrored=True, shifted=True))
+    views = (FloorView(0), FloorView(1, 1, mirrored=True, shifted=True))
     both = floor_scores(blob(), NETWORKS, views).log_p.astype(np.float64)
     each = [floor_scores(blob(), NETWORKS, [v]).log_p.astype(np.float64) for v in views]
     mean = (each[0] + each[1]) / 2
@@ -111,8 +111,8 @@ def test_views_differ_and_begin_at_other_sides() -> None:
     assert {v.quarters for v in views_of(4, 1)} == {0, 1, 2, 3}
 
 
-@pytest.mark.parametrize("view", [View(0), View(0, 1, shifted=True)])
-def test_tiles_fit_together(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("view", [FloorView(0), FloorView(0, 1, shifted=True)])
+def test_tiles_fit_together(view: FloorView, monkeypatch: pytest.MonkeyPatch) -> None:
     grid = blob((200, 260))
     whole = floor_scores(grid, LOCAL, [view])
     monkeypatch.setattr(view_module, "_TILE", 96)
@@ -124,7 +124,7 @@ def test_tiles_without_free_space_are_not_looked_at(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(view_module, "_TILE", 64)
     cells = np.full((64, 256), -1, np.int8)
     cells[10:50, 10:50] = 0
-    seen = floor_scores(OccupancyGrid(cells, 0.1), NETWORKS, [View(0)])
+    seen = floor_scores(OccupancyGrid(cells, 0.1), NETWORKS, [FloorView(0)])
     assert not seen.log_p[:, 64:].any()
     assert seen.log_p[:, :64].any()
 
@@ -133,7 +133,7 @@ def test_tiles_without_free_space_are_not_looked_at(monkeypatch: pytest.MonkeyPa
 def test_every_free_cell_has_scores_whatever_its_size(resolution_m: float) -> None:
     grid = random_grid((40, 50), resolution_m)
     cells = np.argwhere(grid.free)
-    seen = floor_scores(grid, NETWORKS, [View(0)])
+    seen = floor_scores(grid, NETWORKS, [FloorView(0)])
     log_p, doubt = seen.of(cells), seen.doubt(cells)
     assert log_p.shape == (len(cells), 4)
     np.testing.assert_allclose(np.exp(log_p).sum(axis=1), 1, rtol=0, atol=5e-3)

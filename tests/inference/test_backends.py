@@ -53,7 +53,7 @@ def test_options_may_be_keywords() -> None:
 def test_options_of_stored_models_keep_their_meaning(
     name: str, old: dict[str, Any], new: dict[str, Any]
 ) -> None:
-    assert option_values(METHODS.restored(name, old)) == option_values(build(name, new))
+    assert option_values(METHODS.from_saved(name, old)) == option_values(build(name, new))
     refused(ConfigError, rf"has no option '{next(iter(old))}'\. Did you mean", build, name, old)
 
 
@@ -89,11 +89,12 @@ def test_independent_takes_the_best_label() -> None:
 
 def test_a_method_that_is_gone_names_the_one_to_use() -> None:
     refused(ConfigError, "no method 'space_field' any more; use 'potts'", build, "space_field")
-    refused(ModelFileError, r"use 'potts' .* and train again", METHODS.restored, "space_field", {})
+    wanted = r"use 'potts' .* and train again"
+    refused(ModelFileError, wanted, METHODS.from_saved, "space_field", {})
 
 
 def test_a_stored_model_of_a_learner_that_is_gone_labels_on() -> None:
-    assert METHODS.restored("amn", {"learner": "frank-wolfe"}).learner == "cutting-plane"
+    assert METHODS.from_saved("amn", {"learner": "frank-wolfe"}).learner == "cutting-plane"
     with pytest.raises(ConfigError, match="learner must be 'auto', 'cutting-plane' or 'qp'"):
         build("amn", {"learner": "frank-wolfe"})
 

@@ -96,6 +96,6 @@ def test_an_interrupted_swap_takes_nothing_from_behind_a_link(tmp_path: Path) ->
     (home / "id_rsa").write_text("secret")
     (target / UNFINISHED).mkdir(parents=True)
     (target / UNFINISHED / NEW).symlink_to(home)
-    with pytest.raises(OutputError, match="new: a symbolic link stands in its place; remove it"):
+    with pytest.raises(OutputError, match="new: it is a symbolic link; remove it"):
         tidy(target)
     assert (home / "id_rsa").read_text() == "secret"

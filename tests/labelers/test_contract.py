@@ -160,7 +160,7 @@ def test_fit_returns_the_labeler_itself_and_changes_no_option(case: Case) -> Non
 
 def test_before_fit_it_says_what_to_call(case: Case) -> None:
     labeler = case.labeler()
-    wanted = f"this {type(labeler).__name__} has not learned yet; call {case.call_first} first"
+    wanted = f"this {type(labeler).__name__} is not fitted yet; call {case.call_first} first"
     with pytest.raises(NotFittedError, match=wanted):
         case.label(labeler)
     with pytest.raises(SklearnNotFittedError, match="is not fitted yet"):
@@ -173,7 +173,7 @@ def test_a_clone_has_the_options_and_nothing_learned(case: Case) -> None:
     twin = clone(labeler)
     assert twin.get_params()[case.option] == 3
     assert twin.get_params().keys() == labeler.get_params().keys()
-    with pytest.raises(NotFittedError, match="has not learned yet"):
+    with pytest.raises(NotFittedError, match="is not fitted yet"):
         case.label(twin)
     np.testing.assert_array_equal(case.label(case.fit(twin, 0)), case.label(labeler))
 
@@ -222,7 +222,7 @@ def test_saved_and_loaded_it_labels_the_same(case: Case, tmp_path: Path) -> None
     assert again.label_names_ == NAMES
     assert again.get_params()[case.option] == 2
     np.testing.assert_array_equal(case.label(again), case.label(labeler))
-    with pytest.raises(NotFittedError, match="has not learned yet"):
+    with pytest.raises(NotFittedError, match="is not fitted yet"):
         case.label(clone(again))
 
 

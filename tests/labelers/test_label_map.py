@@ -66,8 +66,8 @@ def test_every_free_cell_gets_a_label_and_places_the_mean_of_their_cells(
     found = labelled(resolution_m)
     assert ((found.labels >= 0) == found.grid.free).all()
     [note] = found.warnings
-    assert f"cells of {resolution_m:g} m, the model was trained at 0.05 m" in note
-    assert ("coarsened by" if resolution_m < 0.05 else "split by") in note
+    assert f"resampled from {resolution_m:g} m to 0.05 m cells for the model" in note
+    assert ("original resolution" if resolution_m < 0.05 else "most frequent label") in note
     beliefs = found.labeling.beliefs
     assert beliefs is not None
     on_map = found.on_map(beliefs, 0)
@@ -140,7 +140,9 @@ def test_parts_vote_and_their_probabilities_are_averaged() -> None:
 def test_a_map_without_room_for_a_cell_of_the_model_is_refused() -> None:
     cells = np.full((20, 20), 100, np.int8)
     cells[::10] = 0
-    with pytest.raises(MapError, match=r"no free cell is left .* 0\.005 m .* 0\.05 m; look at"):
+    with pytest.raises(
+        MapError, match=r"no free cell is left .* 0\.005 m to 0\.05 m cells .*; look at"
+    ):
         label_map(labeler(), OccupancyGrid(cells, 0.005))
 
 
@@ -163,8 +165,8 @@ class Heard(Silent):
 @pytest.mark.parametrize(
     ("resolution_m", "said"),
     [
-        (0.5, "split by 10, from 40 cells to 4,000, 2,800 of them free to be labelled; each cell"),
-        (0.025, "coarsened by 2, from 40 cells to 12, 6 of them free to be labelled; labels are"),
+        (0.5, "from 0.5 m to 0.05 m cells for the model (2,800 free cells); each cell"),
+        (0.025, "from 0.025 m to 0.05 m cells for the model (6 free cells); labels are"),
     ],
 )
 def test_what_becomes_of_the_cells_is_said_before_the_work(resolution_m: float, said: str) -> None:
@@ -184,9 +186,9 @@ def test_a_map_that_would_be_split_into_too_many_cells_is_refused() -> None:
     with pytest.raises(MapError) as caught:
         label_map(labeler(), coarse)
     assert str(caught.value) == (
-        "the map has cells of 0.5 m, the model was trained at 0.05 m: its 1,200,000 cells would be "
+        "the map has cells of 0.5 m, the model needs 0.05 m: its 1,200,000 cells would be "
         "split into 120,000,000, more than 100,000,000; crop the map, use a model of a coarser "
-        "resolution, or raise max_cells (label --max-cells) and expect it to take long"
+        "resolution, or raise max_cells (label --max-cells), which will take long"
     )
     small = OccupancyGrid(np.zeros((4, 5), np.int8), 0.5)
     with pytest.raises(MapError, match=r"split into 2,000, more than 1,999; crop the map"):

@@ -51,7 +51,7 @@ def test_probabilities_are_the_backends_beliefs(
     np.testing.assert_array_equal(found, field.label(chains[3]).beliefs)
     np.testing.assert_array_equal(found.argmax(axis=1), field.predict(chains[3:])[0])
     cut = StructuredLabeler("amn", LogisticRegression()).fit(chains[:3], truths[:3])
-    with pytest.raises(InputError, match="'graph-cut' finds labels without probabilities"):
+    with pytest.raises(InputError, match="'graph-cut' has no probabilities"):
         cut.predict_proba(chains[3:])
 
 
@@ -132,7 +132,7 @@ def test_what_does_not_fit_is_refused(
     with pytest.raises(ConfigError, match=r"no option 'wait'\. Did you mean 'weight'"):
         labeler.set_params(backend__wait=1.0)
     bare = LabelingProblem(chains[0].graph, NAMES, unary=np.zeros((60, 3)))
-    with pytest.raises(InputError, match="needs the problem's node_features"):
+    with pytest.raises(InputError, match="the problem has no node_features"):
         labeler.fit([bare], truths[:1])
     with pytest.raises(InputError, match="fitted on labels"):
         other = LabelingProblem(chains[0].graph, ["a", "b", "c"], unary=np.zeros((60, 3)))
@@ -162,7 +162,7 @@ def test_a_label_that_a_fold_has_not_met_gets_the_least_probability(
     labeler = StructuredLabeler(
         Recorder(), LogisticRegression(), n_folds=4, min_probability=1e-3, learn_on="out-of-fold"
     )
-    with pytest.warns(UserWarning, match="all nodes labelled 'run' lie in fold 4: the scores"):
+    with pytest.warns(UserWarning, match="all nodes labelled 'run' are in fold 4, so their"):
         labeler.fit(chains, truths)
     met = [bool((np.exp(unary[:, 2]) > 0.01).any()) for unary in SEEN]
     assert met == [True, True, True, False]
@@ -323,7 +323,7 @@ def test_labels_go_by_name_where_the_truth_does(
         LabelError, match=r"labelings\[1\] has 'wlak' at node 0. Did you mean 'walk'"
     ):
         labeler.fit(chains, [words[0], np.full(60, "wlak"), *words[2:]])
-    with pytest.raises(AttributeError, match=r"classes_ is there once fit\(X, y\) has been called"):
+    with pytest.raises(AttributeError, match=r"classes_ exists only after fit\(X, y\)"):
         clone(labeler).classes_  # noqa: B018  the access is what is tested
 
 

@@ -161,11 +161,11 @@ def test_bad_input_is_refused_with_a_reason() -> None:
     known, names = building()
     path = drive(0)
     tool, cups = TrajectoryLabeler(names), TrajectoryLabeler(names, extra_names=["cups"])
-    with pytest.raises(NotFittedError, match="this TrajectoryLabeler has not learned yet"):
+    with pytest.raises(NotFittedError, match="this TrajectoryLabeler is not fitted yet"):
         tool.label(path)
-    with pytest.raises(NotFittedError, match="this PlaceLabeler has not learned yet"):
+    with pytest.raises(NotFittedError, match="this PlaceLabeler is not fitted yet"):
         TrajectoryLabeler.from_places(PlaceLabeler(names))
-    with pytest.raises(NotFittedError, match="this TrajectoryLabeler has not learned yet"):
+    with pytest.raises(NotFittedError, match="this TrajectoryLabeler is not fitted yet"):
         save(tool, "unused")
     with pytest.raises(InputError, match="nothing to train"):
         tool.fit()

@@ -10,24 +10,24 @@ from pgm_places.errors import InputError
 from pgm_places.features.custom import n_columns
 from pgm_places.labelers.online import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.labelers.trajectory_learning import Examples, learn_list, segment_problem
+from pgm_places.labelers.trajectory_learning import ListExamples, learn_list, segment_problem
 from pgm_places.models.boosted_list import list_average
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.segments import PathSegments
 from pgm_places.unary.list_learning import Rows
 
 NAMES = ("room", "corridor", "doorway")
 TREES = DecisionListClassifier(n_rounds=3, order=[2, 1, 0], max_depth=2, shrinkage=0.3)
 
 
-def examples() -> Examples:
+def examples() -> ListExamples:
     rng = np.random.default_rng(1)
     truth = rng.integers(3, size=90)
     features = rng.normal(size=(90, n_columns(()))).astype(np.float32)
     features[:, 0] += truth
     domain = np.repeat([0, 1, -1], 30)
-    return Examples(Rows(features, truth, np.arange(90) % 2, domain), (), (np.arange(90),))
+    return ListExamples(Rows(features, truth, np.arange(90) % 2, domain), (), (np.arange(90),))
 
 
 def test_the_list_and_its_held_out_scores_are_means_without_a_domain() -> None:
@@ -63,13 +63,13 @@ def test_steps_of_which_nothing_was_observed_do_not_count_in_their_segment() -> 
     poses = np.column_stack([[0.0, 0.1, 0.2, 1.0, 1.1, 2.0], np.zeros((6, 2))])
     scores = np.log(np.repeat([[0.2, 0.8]], 6, axis=0))
     scores[[1, 3, 4]] = np.nan
-    problem = segment_problem(labeler, HiddenMarkovModel(), Segments(poses, 0.5), scores)
+    problem = segment_problem(labeler, HiddenMarkovModel(), PathSegments(poses, 0.5), scores)
     assert problem.unseen is not None and problem.unseen.tolist() == [False, True, False]
     assert problem.unary is not None
     np.testing.assert_allclose(np.exp(problem.unary[[0, 2]]), [[0.2, 0.8]] * 2)
     scores[0, 1] = np.nan
     with pytest.raises(InputError, match="row 0 is NaN in part"):
-        segment_problem(labeler, HiddenMarkovModel(), Segments(poses, 0.5), scores)
+        segment_problem(labeler, HiddenMarkovModel(), PathSegments(poses, 0.5), scores)
 
 
 def test_a_filter_of_steps_passes_over_what_was_not_observed() -> None:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.labelers.update_distance import ObservedDrive, WithDistance, chosen_distance
-from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.segments import PathSegments
 
 
 def drive(seed: int) -> ObservedDrive:
@@ -27,7 +27,9 @@ def chosen(drives: list[ObservedDrive], right_at: float, seen: list[Any] | None 
             seen.append((every_m, [item.poses[:, 0].tolist() for item in some]))
         return every_m
 
-    def label(every_m: float, segments: Segments, scores: NDArray[np.float64]) -> NDArray[np.int64]:
+    def label(
+        every_m: float, segments: PathSegments, scores: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
         best = segments.majority(scores.argmax(axis=1), 2)
         return best if every_m == right_at else np.zeros(len(segments), np.int64)
 

@@ -64,7 +64,7 @@ def test_damaged_places_of_an_earlier_run_are_warned_of_and_numbered_anew(
         again = written(tmp_path / "out", labels, TopologyOptions())
     assert [place.name for place in again.regions] == [place.name for place in found.regions]
     [warning] = heard.warnings
-    assert "places.json" in warning and warning.endswith("; places are numbered anew")
+    assert "places.json" in warning and warning.endswith("; places get new ids")
     ids = [place.id for place in load_topology(tmp_path / "out").regions]
     assert ids == [place.id for place in again.regions]
 

@@ -66,9 +66,9 @@ def test_a_drive_over_the_wire(node: "subprocess.Popen[str]", domain: int) -> No
     bus, came = DdsBus(domain, DdsNetwork(local_only=True)), dict[str, list[bytes]]()
     bus.read("place", "/pgm_places/place", reliable=True)
     for what in ("label_map", "markers", "topology"):
-        bus.read(what, f"/pgm_places/{what}", reliable=True, kept=True, depth=1)
+        bus.read(what, f"/pgm_places/{what}", reliable=True, transient_local=True, depth=1)
     out = {
-        "map": bus.writer("map", "/map", kept=True, depth=1),
+        "map": bus.writer("map", "/map", transient_local=True, depth=1),
         "scan": bus.writer("scan", "/scan"),
         "tf": bus.writer("tf", "/tf", depth=100),
     }

@@ -28,9 +28,11 @@ class Bus:
     def read(self, what: str, topic: str, **_quality: Any) -> None:
         self.topics[what] = topic
 
-    def writer(self, what: str, topic: str, *, kept: bool, depth: int) -> SimpleNamespace:
+    def writer(
+        self, what: str, topic: str, *, transient_local: bool, depth: int
+    ) -> SimpleNamespace:
         assert depth == OUTPUTS[what].depth
-        self.written[what] = (topic, kept)
+        self.written[what] = (topic, transient_local)
         return SimpleNamespace(write=lambda raw: None)
 
     def lonely(self) -> list[str]:
@@ -40,7 +42,7 @@ class Bus:
         return self.otherwise
 
 
-class Watched:
+class RecordingNode:
     """A node on such a bus, and what it has said since it was last asked."""
 
     def __init__(self, options: NodeOptions) -> None:
@@ -57,12 +59,12 @@ class Watched:
 
 
 @pytest.fixture
-def watched(monkeypatch: pytest.MonkeyPatch) -> Watched:
+def watched(monkeypatch: pytest.MonkeyPatch) -> RecordingNode:
     monkeypatch.setattr(dds_node, "DdsBus", Bus)
-    return Watched(NodeOptions(namespace="robot1", domain=7))
+    return RecordingNode(NodeOptions(namespace="robot1", domain=7))
 
 
-def test_topics_lie_where_they_are_looked_for(watched: Watched) -> None:
+def test_topics_lie_where_they_are_looked_for(watched: RecordingNode) -> None:
     assert watched.bus.topics == {
         "tf_static": "/tf_static",
         "tf": "/tf",
@@ -82,7 +84,7 @@ def test_topics_lie_where_they_are_looked_for(watched: Watched) -> None:
     }
 
 
-def test_who_is_missing_and_who_comes_later_is_said_once(watched: Watched) -> None:
+def test_who_is_missing_and_who_comes_later_is_said_once(watched: RecordingNode) -> None:
     [line] = watched.look(["/robot1/scan", "/robot1/odom", "/robot1/map_updates"], [])
     assert line.startswith("no publisher of /robot1/scan: are the topics and their types right")
     assert watched.look(["/robot1/scan"], []) == []
@@ -94,7 +96,7 @@ def test_who_is_missing_and_who_comes_later_is_said_once(watched: Watched) -> No
     assert line.startswith("no publisher of /tf:")
 
 
-def test_another_quality_of_service_is_said_whenever_it_appears(watched: Watched) -> None:
+def test_another_quality_of_service_is_said_whenever_it_appears(watched: RecordingNode) -> None:
     assert watched.look([], []) == []
     [line] = watched.look([], ["/robot1/map"])
     assert line.startswith("/robot1/map is published with another quality of service")

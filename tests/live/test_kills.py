@@ -38,7 +38,7 @@ class Robot:
         self.bus = DdsBus(domain, DdsNetwork(local_only=True))
         self.found: list[dict[str, Any]] = []
         self.bus.read("topology", "/pgm_places/topology", reliable=True)
-        self.maps = self.bus.writer("map", "/map", kept=True, depth=1)
+        self.maps = self.bus.writer("map", "/map", transient_local=True, depth=1)
 
     def until(self, done: Callable[[], bool], what: str) -> None:
         end = time.monotonic() + PATIENCE_S

@@ -107,7 +107,7 @@ def test_the_earlier_name_is_read_with_a_warning() -> None:
     assert heard.warnings == [
         "method 'relaxation': prior_share is called evidence; the next release refuses prior_share"
     ]
-    assert METHODS.restored("relaxation", {"prior_share": "auto"}).evidence == "auto"
+    assert METHODS.from_saved("relaxation", {"prior_share": "auto"}).evidence == "auto"
     with pytest.raises(ConfigError, match="no option 'prior_share'"):
         build("relaxation", prior_share=0.25, evidence=0.5)
 

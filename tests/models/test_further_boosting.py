@@ -10,8 +10,8 @@ from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.further_boosting import (
-    Examples,
     FurtherRounds,
+    TeachingExamples,
     boosted_further,
     own_opinion,
     with_first_class,
@@ -40,8 +40,8 @@ def fitted(depth: int) -> BoostedList:
     return found
 
 
-def examples(labels: NDArray[np.int64], weight: float = 1.0) -> Examples:
-    return Examples(X, labels, np.full(len(X), weight))
+def examples(labels: NDArray[np.int64], weight: float = 1.0) -> TeachingExamples:
+    return TeachingExamples(X, labels, np.full(len(X), weight))
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
@@ -76,7 +76,7 @@ def test_its_own_opinion_keeps_the_rest_as_it_was() -> None:
     """Examples on one side of a column pull the other side along unless an opinion holds it."""
     before = fitted(3)
     near = X[:, 2] > 1.0
-    taught = Examples(X[near], np.zeros(near.sum(), np.int64), np.ones(near.sum()))
+    taught = TeachingExamples(X[near], np.zeros(near.sum(), np.int64), np.ones(near.sum()))
     alone = boosted_further(before, taught.and_also(examples((Y + 1) % 3, 1e-6)))
     held = boosted_further(before, taught.and_also(own_opinion(before, X[~near], 1e3)))
     moved = [

@@ -31,7 +31,7 @@ def damaged(folder: Path, array: str, at: int, value: float) -> Path:
 
 def test_bytes_that_are_no_names(tmp_path: Path) -> None:
     folder = damaged(learned("crf", tmp_path), "backend/name_bytes", 2, 0xD4)
-    with pytest.raises(ModelFileError, match="not what this version writes"):
+    with pytest.raises(ModelFileError, match="does not have the format of this version"):
         load(folder)
 
 
@@ -97,5 +97,5 @@ class TestClassifiers:
     def test_a_problem_with_other_features(self, folder: Path) -> None:
         problem = chain()
         wide = np.ones((problem.graph.n_nodes, 5))
-        with pytest.raises(InputError, match=r"learned from 3 features of each node.* has 5"):
+        with pytest.raises(InputError, match=r"trained on 3 features per node.* has 5"):
             load(folder).label(dataclasses.replace(problem, node_features=wide))

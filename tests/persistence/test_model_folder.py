@@ -141,7 +141,7 @@ def test_what_cannot_be_stored_is_refused(
         ({"content": 3}, "key 'content' is missing or damaged; train again"),
         (
             {"arrays_sha256": "0" * 64},
-            "is not the file that manifest.json describes (its SHA-256 differs): it was damaged or",
+            "the SHA-256 differs from manifest.json, so the file was damaged or",
         ),
     ],
 )

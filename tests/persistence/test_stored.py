@@ -148,7 +148,7 @@ def test_what_is_no_model_is_not_saved(tmp_path: Path) -> None:
         save(PlaceLabeler(["a", "b"]), tmp_path / "model")
     with pytest.raises(NotFittedError, match="call fit"):
         save(StructuredLabeler("potts"), tmp_path / "model")
-    with pytest.raises(InputError, match="a labeler knows its label names"):
+    with pytest.raises(InputError, match="a labeler stores its own label names"):
         save(load(STORED / "place_labeler"), tmp_path / "model", label_names=["a"])
     assert not (tmp_path / "model").exists()
 
@@ -174,7 +174,7 @@ def test_arrays_that_are_missing_are_one_clear_line(tmp_path: Path) -> None:
     for key in arrays:
         less = {name: value for name, value in arrays.items() if name != key}
         save_folder(tmp_path / "spoiled", manifest, less)
-        with pytest.raises(ModelFileError, match="is not what this version writes"):
+        with pytest.raises(ModelFileError, match="does not have the format of this version"):
             load(tmp_path / "spoiled")
 
 
@@ -217,7 +217,7 @@ def test_the_options_of_a_loaded_labeler_hold_nothing_learned(folder: str, optio
         ("trajectory_labeler", "every_m", "far", "every_m must be a number of at least 0, got"),
         ("trajectory_labeler", "every_m", 1e400, "must be plain JSON data"),
         ("trajectory_labeler", "options", {"n_folds": 1}, "n_folds must be a whole number from 2"),
-        ("place_labeler", "options", {"cake": 1}, "is not what this version writes"),
+        ("place_labeler", "options", {"cake": 1}, "does not have the format of this version"),
         ("place_labeler", "connectivity", 6, "connectivity must be 4 or 8, got 6"),
     ],
 )

@@ -25,7 +25,7 @@ from pgm_places.spaces.segment_features import (
     segment_features,
     shape_columns,
 )
-from pgm_places.spaces.segmentation import Segmentation, Segments, divided
+from pgm_places.spaces.segmentation import Segmentation, SpaceSegments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 from tests.on_threads import on
 from tests.real_data import real_data_folder
@@ -42,7 +42,7 @@ maps = arrays(
 )
 
 
-def columns(segments: Segments) -> dict[str, np.ndarray]:
+def columns(segments: SpaceSegments) -> dict[str, np.ndarray]:
     return dict(zip(NAMES, segment_features(segments).T, strict=True))
 
 

@@ -336,7 +336,7 @@ def test_a_deleted_class_takes_its_paint_along_and_comes_back(
 def test_a_link_in_place_of_the_journal_is_refused(tmp_path: Path) -> None:
     (tmp_path / "precious").write_text("")
     (tmp_path / "j").symlink_to("precious")
-    with pytest.raises(OutputError, match="j: a symbolic link stands in its place; remove it"):
+    with pytest.raises(OutputError, match="j: it is a symbolic link; remove it"):
         Journal(tmp_path / "j", {"map": "one"})
     assert (tmp_path / "precious").read_text() == ""
 

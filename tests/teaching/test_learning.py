@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places import trained_labeler
-from pgm_places.models.further_boosting import Examples
+from pgm_places.models.further_boosting import TeachingExamples
 from pgm_places.simulation import generate_building
 from pgm_places.teaching import learning
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
@@ -58,9 +58,9 @@ def test_painted_corridors_that_look_like_halls_are_taught_as_halls(
 def test_gates_of_both_kinds_weigh_the_same_together(monkeypatch: pytest.MonkeyPatch) -> None:
     building = generate_building(4, size="small", resolution_m=0.1)
     teacher = InteractiveLabeler(building.grid, trained_labeler("generated"))
-    taught: list[Examples] = []
+    taught: list[TeachingExamples] = []
 
-    def watched(fitted: Any, examples: Examples, *more: Any) -> Any:
+    def watched(fitted: Any, examples: TeachingExamples, *more: Any) -> Any:
         taught.append(examples)
         return learned_further(fitted, examples, *more)
 

@@ -21,7 +21,7 @@ def test_some_painted_cells_of_each_class_and_some_others_are_taken(seed: int) -
     selection = chosen_cells(painted, options)
     assert np.bincount(selection.labels).tolist() == [10, 4, 10]
     assert (painted[selection.nodes] == selection.labels).all()
-    assert len(selection.kept) == 25 and (painted[selection.kept] == -1).all()
+    assert len(selection.others) == 25 and (painted[selection.others] == -1).all()
     assert (np.diff(selection.both) > 0).all() and len(selection.both) == 49
     again = chosen_cells(painted, options)
     assert np.array_equal(again.both, selection.both)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.raster_edges import EdgeKind
-from pgm_places.trajectories.segments import WAY_RATIO, Segments, loop_links
+from pgm_places.trajectories.segments import WAY_RATIO, PathSegments, loop_links
 
 
 def obvious_links(positions: np.ndarray, within_m: float) -> set[tuple[int, int]]:
@@ -60,7 +60,7 @@ def test_a_distance_of_at_least_zero_is_needed(within_m: float) -> None:
 def test_segments_of_two_passes_are_joined_in_a_graph_of_its_own_kind_of_edges() -> None:
     there = np.arange(6.0)
     way = np.column_stack([np.append(there, there[::-1]), np.zeros(12)])
-    segments = Segments(way, 0.5)
+    segments = PathSegments(way, 0.5)
     chain, looped = segments.graph(), segments.graph(loop_m=0.1)
     assert chain.is_chain and not looped.is_chain
     assert looped.edge_kind is not None

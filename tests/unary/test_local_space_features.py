@@ -119,5 +119,5 @@ def test_what_a_model_looks_at_is_settled_in_training() -> None:
     labeler, (known, path) = fitted(), drive(2)
     with pytest.raises(InputError, match=r"looks at the spaces .* keep spaces_m of the beams"):
         labeler.with_options(beams__spaces_m=0.0).label(path)
-    with pytest.raises(InputError, match=r"spaces_m: .* unknown for cells of maps"):
+    with pytest.raises(InputError, match=r"spaces_m: .* do not exist for cells of maps"):
         TrajectoryLabeler(labeler.label_names_, beams=labeler.beams).fit([known])

@@ -202,7 +202,7 @@ _ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True)
-class _Poses:
+class _PoseSource:
     """A source of poses: a chain of tracks down to the laser, and its name for messages."""
 
     chain: list[PoseTrack]
@@ -370,7 +370,7 @@ def _read_tree(bag: _Bag) -> FrameTree:
 
 def _choose_poses(
     bag: _Bag, tree: FrameTree, frame: str, pose_topic: str | None, fixed_frame: str | None
-) -> _Poses:
+) -> _PoseSource:
     if pose_topic is not None:
         return _topic_poses(bag, tree, frame, bag.topic("pose_topic", pose_topic, _POSES))
     if fixed_frame is not None:
@@ -381,15 +381,15 @@ def _choose_poses(
                 f"{bag.path}: no transforms lead from {fixed_frame!r} to the laser's frame "
                 f"{frame!r}; frames: {frames}"
             )
-        return _Poses(chain, fixed_frame)
+        return _PoseSource(chain, fixed_frame)
     chain = tree.chain("map", frame)
     if chain is not None:
-        return _Poses(chain, "map")
+        return _PoseSource(chain, "map")
     if bag.of_type((_ODOMETRY,)):
         return _topic_poses(bag, tree, frame, bag.topic("pose_topic", None, (_ODOMETRY,)))
     chain = tree.chain("odom", frame)
     if chain is not None:
-        return _Poses(chain, "odom")
+        return _PoseSource(chain, "odom")
     others = bag.of_type(_POSES)
     hint = f"; {', '.join(others)} can be chosen as pose_topic" if others else ""
     frames = f"; the frames are {', '.join(tree.frames)}, choose fixed_frame" if tree.frames else ""
@@ -399,7 +399,7 @@ def _choose_poses(
     )
 
 
-def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
+def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _PoseSource:
     """The poses of a topic, moved from the robot to its laser if the tree has its mounting."""
     entries = []
     robot = "base_link"
@@ -415,7 +415,7 @@ def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
             f"no transforms lead from {robot!r} to the laser's frame {frame!r}; the laser is "
             "assumed to sit at the robot's centre and to face forwards",
         )
-    return _Poses([track, *(mount or [])], topic, warnings)
+    return _PoseSource([track, *(mount or [])], topic, warnings)
 
 
 def _turned_round(trajectory: Trajectory) -> Trajectory:

@@ -19,7 +19,7 @@ Ring: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class LabelPolygons:
     """A feature of the file.
 
     Parameters
@@ -47,7 +47,7 @@ class Region:
 
 def read_regions(
     path: Path | str, property_name: str = "class", *, line_width_m: float | None = None
-) -> list[Region]:
+) -> list[LabelPolygons]:
     """The polygons of a GeoJSON file, in its order.
 
     Coordinates are metres in the map frame, as map_server's origin defines it, not degrees. A
@@ -90,7 +90,7 @@ _WANTED = (
 
 def _region(
     where: str, index: int, feature: Any, property_name: str, line_width_m: float | None
-) -> Region:
+) -> LabelPolygons:
     if not isinstance(feature, dict) or not isinstance(feature.get("geometry"), dict):
         raise LabelError(f"{where} has no geometry; remove it or draw its polygon")
     properties = feature.get("properties")
@@ -105,7 +105,7 @@ def _region(
     if line_width_m is not None and kind in ("LineString", "MultiLineString"):
         width_m = _width(where, feature["properties"].get("width_m", line_width_m))
         lines = [coordinates] if kind == "LineString" else coordinates
-        return Region(index, str(code), _rectangles(where, lines, width_m))
+        return LabelPolygons(index, str(code), _rectangles(where, lines, width_m))
     if kind not in ("Polygon", "MultiPolygon"):
         lines_too = "" if line_width_m is None else ", or a LineString"
         raise LabelError(
@@ -118,7 +118,7 @@ def _region(
         steps, value = problem
         at, wanted = _listed(steps[int(single) :]), _WANTED[len(steps)]
         raise LabelError(f"{where}: coordinates{at} must be {wanted}, got {quoted(value)}")
-    return Region(
+    return LabelPolygons(
         index, str(code), tuple(tuple(_ring(where, ring) for ring in item) for item in polygons)
     )
 
@@ -312,7 +312,7 @@ def _toggle_edge(
 
 
 def _label(
-    path: Path | str, region: Region, names: list[str], classes: Mapping[str, str] | None
+    path: Path | str, region: LabelPolygons, names: list[str], classes: Mapping[str, str] | None
 ) -> int:
     where = f"{path}: feature {region.index} has class {region.code!r}"
     if classes is None:
@@ -334,7 +334,7 @@ def _label(
 
 
 def _nothing_hit(
-    path: Path | str, regions: list[Region], labels: list[int], grid: OccupancyGrid
+    path: Path | str, regions: list[LabelPolygons], labels: list[int], grid: OccupancyGrid
 ) -> str:
     if not any(label >= 0 for label in labels):
         codes = ", ".join(sorted({region.code for region in regions})) or "none"

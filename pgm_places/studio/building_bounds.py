@@ -13,7 +13,7 @@ LEAST_CLEARANCE_M, LEAST_M2, MARGIN_M = 0.3, 1.0, 1.0
 """Free space outside, seen by rays through windows, is narrower than this or in small pieces."""
 
 
-def building_box(grid: OccupancyGrid) -> tuple[float, float, float, float]:
+def building_bounds(grid: OccupancyGrid) -> tuple[float, float, float, float]:
     """Left, top, right and bottom of the building, in cells from the upper left corner.
 
     That is where a robot of 0.3 m radius has room, in pieces of a square metre, and a metre around;
@@ -24,7 +24,7 @@ def building_box(grid: OccupancyGrid) -> tuple[float, float, float, float]:
     >>> cells = np.full((100, 200), -1, np.int8)
     >>> cells[20:60, 20:100] = 0
     >>> cells[40, 100:190] = 0  # a ray
-    >>> building_box(OccupancyGrid(cells, 0.1))
+    >>> building_bounds(OccupancyGrid(cells, 0.1))
     (12.0, 32.0, 108.0, 88.0)
     """
     step = max(1, int(np.ceil(np.sqrt(grid.cells.size / MOST_CELLS))))
