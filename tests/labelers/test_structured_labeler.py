@@ -231,7 +231,7 @@ def test_weights_of_problems_and_nodes_count_in_learning(
     assert told.score(chains[3:], truths[3:]) > plain
     without = clone(labeler).fit(chains[:2], truths[:2])
     np.testing.assert_allclose(told.classifier_.coef_, without.classifier_.coef_, rtol=1e-3)
-    with pytest.raises(ConfigError, match="Relaxation takes no sample_weight"):
+    with pytest.raises(ConfigError, match="Relaxation does not support sample_weight"):
         StructuredLabeler("relaxation").fit(chains[:2], truths[:2], sample_weight=[1.0, 1.0])
     with pytest.raises(InputError, match=r"sample_weight must have one entry per problem \(2\)"):
         labeler.fit(chains[:2], truths[:2], sample_weight=[1.0])

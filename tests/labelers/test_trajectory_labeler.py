@@ -171,7 +171,7 @@ def test_bad_input_is_refused_with_a_reason() -> None:
         tool.fit()
     with pytest.raises(InputError, match="no extra columns"):
         cups.fit([known], [path], extra=[np.zeros((len(path), 1))])
-    with pytest.raises(InputError, match="belong together"):
+    with pytest.raises(InputError, match="must be given together"):
         cups.fit([], [path])
     with pytest.raises(InputError, match="1 trajectories but 2"):
         cups.fit([], [path], extra=[np.zeros((len(path), 1))] * 2)

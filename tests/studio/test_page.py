@@ -514,11 +514,11 @@ def test_nothing_is_lost_by_a_reload_or_a_kill(
     page.keyboard.press("r")
     drag(page, (8, 8), (18, 12))
     page.wait_for_selector("#toast.bad")
-    assert "does not answer, so this was not kept" in page.inner_text("#toast")
+    assert "Not saved: the studio is not running" in page.inner_text("#toast")
     assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
         "status failed"
     )
-    assert page.inner_text("#status") == "The studio has ended; 1 edit since was not kept"
+    assert page.inner_text("#status") == "The studio has stopped; 1 later edit was not saved"
     assert "this tab cannot know where" in page.inner_text("#notices")
     assert (painted(map_yaml).labels == -1).all()
     with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:

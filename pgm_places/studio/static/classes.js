@@ -29,7 +29,7 @@ export class Classes {
     );
   }
 
-  /** Paint is kept to; whether it also teaches the model is asked for. */
+  /** Painted cells are fixed; a separate button trains the model on them. */
   #teaching(state) {
     if (!state.model) return h("p", { className: "small" }, "All is learned from the paint: begin with a stroke of two classes.");
     const words = state.learns

@@ -36,7 +36,7 @@ export class Export {
 
   /** Show what there is in a folder; the boxes that are checked stay so. */
   async #show(folder) {
-    this.write.disabled = true; // until it is seen what lies there
+    this.write.disabled = true; // until the folder has been checked
     this.#tell("", false);
     let found;
     try {

@@ -36,7 +36,7 @@ export class Frame {
     return { x, y: this.map.rows - y };
   }
 
-  /** Corners in cells of a box in metres, whatever the rotation of the map. */
+  /** Corners in cells of a box in metres, for any rotation of the map. */
   box([left, bottom, right, top]) {
     const corners = [
       [left, bottom],

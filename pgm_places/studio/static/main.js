@@ -53,7 +53,7 @@ class Studio {
     this.placesVersion = "";
     this.slow = new Set();
     this.offline = null; // why there is no news
-    this.refused = 0; // edits that nobody kept
+    this.refused = 0; // edits that were not saved
     this.tab = "paint";
     this.#build();
     this.server.follow((state) => this.#take(state), (why) => this.#lost(why));
@@ -156,8 +156,8 @@ class Studio {
     try {
       return await this.server.post("edit", request);
     } catch (error) {
-      if (!error.status || error.status === 403) this.refused += 1; // nobody was there who could keep it
-      this.say(error.status === 403 ? "This tab's studio has ended, so this was not kept." : error.message, true);
+      if (!error.status || error.status === 403) this.refused += 1; // the studio has stopped, so the edit is lost
+      this.say(error.status === 403 ? "Not saved: the studio of this tab has stopped." : error.message, true);
       this.status.render();
       return null;
     } finally {
@@ -181,7 +181,7 @@ class Studio {
     else this.forget();
   }
 
-  /** No cell and no place is asked about any more. */
+  /** Close the explanation of a cell or place. */
   forget() {
     this.asked = this.chosen = this.why.cell = this.why.reasons = null;
     if (!this.readout.screen) this.readout.leave();
@@ -228,7 +228,7 @@ class Studio {
     this.readout.at(screen);
   }
 
-  /** The map was moved: what is seen is drawn, and another cell may be under the pointer. */
+  /** The map was moved: redraw it, and update the cell under the pointer. */
   moved() {
     if (this.readout.screen) this.hovered(this.readout.screen);
     this.redraw();
@@ -286,7 +286,7 @@ class Studio {
     this.changed();
     if (cell.ground !== "free" || !cell.label) return;
     const reasons = await this.server.get("reasons", { x_m: cell.x_m, y_m: cell.y_m }).catch(() => null);
-    if (this.asked !== point) return; // a newer question
+    if (this.asked !== point) return; // superseded by a newer request
     this.why.reasons = reasons;
     this.changed();
   }

@@ -42,7 +42,7 @@ class Overview {
         this.#show((await this.server.get("maps")).maps);
       } catch {
         byId("status").className = "status failed";
-        byId("status").textContent = "The studio has ended; what it took is kept";
+        byId("status").textContent = "The studio has stopped; all edits are saved";
       }
       await new Promise((resume) => setTimeout(resume, ASK_EVERY_MS));
     }

@@ -7,7 +7,7 @@ export class Memory {
     this.kept = "";
   }
 
-  /** Put back what was kept of a map. */
+  /** Restore the stored view of a map. */
   recall(name) {
     this.key = `view:${name}`;
     const { studio } = this;
@@ -35,7 +35,7 @@ export class Memory {
     try {
       localStorage.setItem(this.key, text);
     } catch {
-      // A browser that keeps nothing begins anew.
+      // Without storage, the view is not restored.
     }
   }
 }

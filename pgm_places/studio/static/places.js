@@ -88,7 +88,7 @@ export class Places {
   }
 
   #drawGraph(context, pixel, colours) {
-    // Half a metre of floor at most, so that a whole building on a phone is not covered by dots.
+    // Half a metre of floor at most, so that dots do not cover a building on a phone.
     const radius = Math.min(5, Math.max(2.2, 0.35 / this.frame.map.resolution_m / pixel));
     const thick = Math.max(0.6, radius / 5) * pixel;
     const edges = new Path2D();

@@ -1,4 +1,4 @@
-// The pointer: mouse, pen and fingers on the map, told apart as tool, move, zoom and click.
+// The pointer: gestures of mouse, pen and fingers on the map: tool, move, zoom and click.
 
 const CLICK_PX = 5;
 

@@ -38,7 +38,7 @@ export class Readout {
     }, ASK_EVERY_MS);
   }
 
-  /** Say what is known of the cell at a point, unless another one is asked for meanwhile. */
+  /** Show the values of the cell at a point, unless a newer request supersedes this one. */
   async read(point) {
     this.reading = point;
     const [x, y] = this.studio.frame.toCells(point);
@@ -47,7 +47,7 @@ export class Readout {
   }
 
   #show(cell) {
-    if (!cell) { // nobody knows; what stands there is of another cell
+    if (!cell) { // no answer: clear the values of the previous cell
       this.clear();
       return;
     }

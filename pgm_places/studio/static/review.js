@@ -50,7 +50,7 @@ export class Review {
     return h("li", { className: chosen ? "chosen" : "" }, row, answers);
   }
 
-  /** What can be said of a place with one press. */
+  /** The one-key answers for a place. */
   #answers(region, second, state) {
     const { studio } = this;
     const confirm = h("button", { className: "button primary", type: "button" }, icon("check"), `Yes, ${region.class}`, h("kbd", {}, "C"));

@@ -22,7 +22,7 @@ export class Server {
       ...options,
     };
     const response = await fetch(path, request).catch(() => {
-      throw new Error("The studio does not answer, so this was not kept; start it again.");
+      throw new Error("Not saved: the studio is not running. Restart it.");
     });
     return answered(response);
   }

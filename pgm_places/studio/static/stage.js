@@ -144,7 +144,7 @@ export class Stage {
     if (named(right)) this.#tiled(named(right), opacity, [at, -far, far, 3 * far]);
   }
 
-  /** The scan of the cell that was asked about. */
+  /** The scan of the explained cell. */
   #scan({ scan_m: ends }, pixel, colours) {
     const { context, studio } = this;
     context.beginPath();
@@ -164,7 +164,7 @@ export class Stage {
     context.restore();
   }
 
-  /** Where the person asked why. */
+  /** The position of the explained cell. */
   #cross(point, colours) {
     const { x, y } = this.view.toScreen(point.x, point.y);
     for (const [colour, width] of [

@@ -48,11 +48,11 @@ function share(value) {
 }
 
 function ended(refused) {
-  if (!refused) return "The studio has ended; what it took is kept";
-  return `The studio has ended; ${refused === 1 ? "1 edit since was" : `${refused} edits since were`} not kept`;
+  if (!refused) return "The studio has stopped; all edits are saved";
+  return `The studio has stopped; ${refused === 1 ? "1 later edit was" : `${refused} later edits were`} not saved`;
 }
 
-/** Where the studio is that was started in this one's place, or that nobody here can know. */
+/** The address of the studio that replaced this one, or a hint to find it. */
 function moved({ refused, address }) {
   if (address) return ["The studio was started again. ", h("a", { href: address }, "Go on in the new one.")];
   if (refused) return ["The studio was started again. This tab cannot know its address; it is the one that was printed."];

@@ -1,4 +1,4 @@
-// Tiles: a layer's pictures, fetched as they come into view and kept while there is room.
+// Tiles: a layer's pictures, fetched when they come into view, with a bounded cache.
 
 const MOST = 360;
 

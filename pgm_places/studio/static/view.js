@@ -1,4 +1,4 @@
-// The view: which part of the map is seen. Cells count from the upper left corner, y downwards.
+// The view: the visible part of the map. Cells count from the upper left corner, y downwards.
 
 const LARGEST = 64;
 const TOOLS_PX = 58;
@@ -41,14 +41,14 @@ export class View {
     return this.stacked ? { x, y: y < this.height ? y : y - this.height } : { x: x < this.width ? x : x - this.width, y };
   }
 
-  /** Keep the middle in the middle if the panes have another size than when this was last asked. */
+  /** Keep the centre of the map when the panes change their size. */
   follow() {
     const { width, height, seen } = this;
     this.seen = { width, height };
     if (seen) this.move((width - seen.width) / 2, (height - seen.height) / 2);
   }
 
-  /** Show one pane or two: what was seen of the map stays in view, and comes back as it was. */
+  /** Show one pane or two; the visible part of the map stays in view, and is restored. */
   setPanes(panes) {
     if (panes === this.panes) return;
     this.follow();
@@ -102,7 +102,7 @@ export class View {
     this.#keep();
   }
 
-  /** Show a part of the map, given by its corners in cells, beside the tools. */
+  /** Show a part of the map, by its corners in cells, next to the tools. */
   show(left, top, right, bottom, margin = 0.04) {
     this.follow();
     const wide = Math.max(1, right - left);
