@@ -10,7 +10,7 @@ def test_the_latest_of_several_complaints_is_named(kinds: tuple[str, str]) -> No
     earlier, later = kinds
     said = {earlier: (1.0, "z: the earlier one"), later: (2.0, "a: the later one")}
     for order in (said, dict(reversed(said.items()))):
-        health = Health(said=order, heard_s=3.0)
+        health = Health(reports=order, heard_s=3.0)
         assert health.level(3.0) == (WARN, "a: the later one")
         assert health.level(2.0 + FRESH_S) == (OK, "no place yet")
 

@@ -36,7 +36,7 @@ def labels_with_halls(labels: list[int]) -> list[int]:
     looks = np.zeros((len(nodes) + 2, 2), np.float32)
     looks[2::2, 0] = 1.0
     looks[3::2, 1] = 1.0
-    rows = learning._Rows(selection, looks)
+    rows = learning._SelectedRows(selection, looks)
     fitted: Any = StubList()
     return rows.with_halls(fitted, HALL, SHOWN, CORRIDOR).selection.labels.tolist()
 
