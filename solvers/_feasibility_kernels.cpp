@@ -8,9 +8,9 @@ namespace {
 using namespace pgm;
 using std::int64_t;
 
-constexpr int64_t FOUND = 1, GIVEN_UP = 0, NONE_EXISTS = -1;  // see feasibility.py
+constexpr int64_t FOUND = 1, GIVEN_UP = 0, NONE_EXISTS = -1;  // see local_search.py
 
-struct Space {  // see SearchSpace in feasibility.py
+struct Space {  // see _SearchSpace in local_search.py
     Array<bool, 2> alive;
     Array<std::int32_t, 1> n_alive;
     Array<int64_t, 1> trail;

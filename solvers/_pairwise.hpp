@@ -12,7 +12,7 @@
 namespace pgm {
 
 constexpr double INF = std::numeric_limits<double>::infinity();
-constexpr std::uint32_t FORTH = 0, REVERSE = 1;  // see Arcs in arcs.py
+constexpr std::uint32_t FORTH = 0, REVERSE = 1;  // see Arcs in adjacency.py
 
 using Arc = std::uint32_t;
 using Row = Array<double, 1>;
@@ -20,7 +20,7 @@ using ConstRow = Array<const double, 1>;
 using Matrix = Array<double, 2>;
 using ConstMatrix = Array<const double, 2>;
 
-struct Arcs {  // see arcs.py
+struct Arcs {  // see adjacency.py
     Array<const std::uint32_t, 1> start, head, arc, ends;
     auto fields() { return std::tie(start, head, arc, ends); }
 };

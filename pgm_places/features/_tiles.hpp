@@ -1,4 +1,4 @@
-// How sixteen scans, a tile, lie in the planes that the kernels share; _tiles.py says the same.
+// How sixteen scans, a tile, lie in the planes that the kernels share.
 //
 // A kernel handles a part of a tile at a time: as many scans as two registers hold in float64. Lanes
 // never mix, so that the bits do not depend on how many these are.
