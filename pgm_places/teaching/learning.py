@@ -134,7 +134,7 @@ _ONE_FOLD = 1  # gates of a single map are too few to calibrate
 
 
 POTTS = PlaceMethod(
-    PottsField(weight=0.25, inference="mean-field", max_iterations=20, temperature=1.6), "space"
+    PottsField(weight=0.25, inference="mean-field", max_iterations=100, temperature=1.6), "space"
 )
 """The Potts field of a labeler without a learned method for these classes: that of the shipped
 models."""
