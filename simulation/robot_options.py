@@ -25,7 +25,7 @@ class RobotMotion(Options):
     scan_every_s : float
         Time between scans (s).
     radius_m : float
-        Radius of the robot (m). It keeps this far from walls and unknown space.
+        The robot's radius (m): how far it keeps from walls and unknown space.
 
     Raises
     ------

@@ -198,7 +198,7 @@ def test_a_flag_refuses_what_its_class_refuses(name: str, value: Any) -> None:
         ("label map.yaml --out out", "--doorways", "walls", TopologyOptions, "doorways"),
         ("simulate map.yaml --out a.log", "--speed", 0, SimulatedRobot, "speed_m_s"),
         ("simulate map.yaml --out a.log", "--every", 0, SimulatedRobot, "scan_every_s"),
-        ("simulate map.yaml --out a.log", "--radius", 0, SimulatedRobot, "radius_m"),
+        ("simulate map.yaml --out a.log", "--robot-radius", 0, SimulatedRobot, "radius_m"),
         ("simulate map.yaml --out a.log", "--beams", 0, LaserOptions, "n_beams"),
         ("simulate map.yaml --out a.log", "--view", 0, LaserOptions, "view_degrees"),
         ("simulate map.yaml --out a.log", "--range", 0, LaserOptions, "range_m"),
@@ -418,7 +418,7 @@ def test_flags_that_are_not_given_leave_what_others_say() -> None:
     assert set(given.values()) == {None, False}
     command(path="x", **given | {"min_area_m2": "1", "correct": True})
     stored = TopologyOptions(min_area_m2=3.0, min_width_m=0.3, correct=False)
-    assert _called["rules"].over(stored) == TopologyOptions(min_width_m=0.3)
+    assert _called["rules"].applied_to(stored) == TopologyOptions(min_width_m=0.3)
     with pytest.raises(OptionError, match=re.escape("--min-width must be a number of at least 0")):
         command(path="x", **given | {"min_width_m": "-0.5"})
 

@@ -11,10 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from pgm_places.cli.declarations import Parameter, parameters_of
+from pgm_places.cli.terminal import complain
 from pgm_places.errors import InputError, nearest_name
 
 HELP = "--help"
 HELP_SWITCHES = (HELP, "-h")
+FORMER = {
+    ("label", "--disc-radius"): "--robot-radius",
+    ("simulate", "--radius"): "--robot-radius",
+}
+"""The new name of each renamed option, by command and former name; kept for one release."""
+
 _FLAG = re.compile(r"-[^\d.]")
 """How a flag begins. A minus sign before a digit belongs to a number; - alone is standard input."""
 
@@ -94,6 +101,9 @@ class Command:
             flag, equals, text = word.partition("=")
             if flag[1] != "-":  # -q or -j4 or -o=DIR
                 flag, text = word[:2], word[2:].removeprefix("=")
+            if (renamed := FORMER.get((self.name, flag))) is not None:
+                complain(f"{flag} is now {renamed}; the former name works in this version only")
+                flag = renamed
             if flag not in flags:
                 raise self._refusal(
                     f"there is no option {flag}.", nearest_name(flag, [*flags, HELP])

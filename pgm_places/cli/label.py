@@ -221,7 +221,9 @@ def index(
 _SHARED = {"model": Model, "method": Method, "unknown_value": UnknownValue}
 
 
-@declarations.option_flags("entered", EnteredOptions, only_given=True)
+@declarations.option_flags(
+    "entered", EnteredOptions, {"disc_radius_m": "--robot-radius"}, only_given=True
+)
 @grouped("batch", BatchOptions)
 @grouped("workers", WorkerOptions)
 @grouped("options", LabelOptions, without=("outputs", *option_hints(EnteredOptions)), of=_SHARED)

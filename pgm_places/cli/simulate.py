@@ -72,10 +72,11 @@ def simulate_map(
 
 
 LASER_FLAGS = {"n_beams": "--beams", "view_degrees": "--view"}
+MOTION_FLAGS = {"scan_every_s": "--every", "radius_m": "--robot-radius"}
 
 
 @option_flags("laser", LaserOptions, LASER_FLAGS, without=("seed",))
-@option_flags("motion", RobotMotion, {"scan_every_s": "--every"}, without=("turn_rad_s",))
+@option_flags("motion", RobotMotion, MOTION_FLAGS, without=("turn_rad_s",))
 def simulate(
     out: Annotated[Path, Option("--out", "-o")],
     map_yaml: Annotated[Path | None, Argument("MAP.yaml")] = None,

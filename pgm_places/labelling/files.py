@@ -168,7 +168,7 @@ def write_labelled(
             if not topology.regions and (least := rules.min_clearance_m):
                 warn(
                     f"no place is left: a disc with a radius of {least:g} m fits into none; give "
-                    "the robot's radius in metres (--disc-radius)"
+                    "the robot's radius in metres (--robot-radius)"
                 )
         record["area_m2"] = topology.area_m2
         warnings = (*warnings, *of_places)

@@ -12,8 +12,8 @@ class EnteredOptions(Options):
     Parameters
     ----------
     disc_radius_m : float
-        Free space that a disc of this radius (m) cannot reach from the largest part is unreachable;
-        0 makes all free space reachable.
+        The robot's radius (m): free space that a disc of this radius cannot reach from the largest
+        part is unreachable; 0 makes all free space reachable.
     unentered : bool
         Label unreachable free space as well.
     """

@@ -79,7 +79,7 @@ def test_the_demo_writes_its_building_too(
         (["--out", "a.log"], "needs a map, or --demo"),
         (["map.yaml", "--demo", "--out", "a.log"], "needs a map, or --demo"),
         (["none.yaml", "--out", "a.log"], "none.yaml"),
-        (["map.yaml", "--radius", "9", "--out", "a.log"], "fits nowhere on this map"),
+        (["map.yaml", "--robot-radius", "9", "--out", "a.log"], "fits nowhere on this map"),
         (["map.yaml", "--labels", "none.png", "--out", "a.log"], "none.png"),
         (["map.yaml", "--out", "labels.png/a.log"], "a file of that name is in the way"),
     ],
