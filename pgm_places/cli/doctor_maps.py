@@ -129,7 +129,7 @@ def check_map(
     say(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
     say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
     say(shares_line(loaded.fractions))
-    used, notes, problems = _examined(loaded, labeler)
+    (used, problems), notes = _examined(loaded, labeler), list[str]()
     if unentered := find_unentered(grid):
         notes.append(f"{unentered}; {_UNENTERED}")
     if grid.yaw_rad:
@@ -150,14 +150,13 @@ def check_map(
 
 def _examined(
     loaded: MapFile, labeler: pp.PlaceLabeler
-) -> tuple[pp.OccupancyGrid | None, list[str], list[str]]:
-    """The map at the model's resolution, or None; notes on the resampling; problems."""
-    used, notes, problems = None, list[str](), list(loaded.warnings)
+) -> tuple[pp.OccupancyGrid | None, list[str]]:
+    """The map at the model's resolution, or None; the warnings of 'label'."""
     try:
-        used, notes = at_model_resolution(labeler, loaded.grid)
+        used, warnings = at_model_resolution(labeler, loaded.grid)
     except MapError as error:
-        problems.append(str(error))
-    return used, notes, problems
+        return None, [*loaded.warnings, str(error)]
+    return used, [*loaded.warnings, *warnings]
 
 
 @dataclass(frozen=True)
@@ -243,11 +242,9 @@ def _row(
             loaded = _corrected(path, loaded)
         except (MapError, OutputError) as error:  # go on with the other maps
             problems.append(str(error))
-    used, notes, found_problems = _examined(loaded, labeler)
+    used, found_problems = _examined(loaded, labeler)
     grid, forecast = loaded.grid, None
     if used is not None:
-        # Coarsening needs no mention; refining does, because it adds cells.
-        problems += notes if used.resolution_m < grid.resolution_m else []
         forecast = Forecast(grid.cells.size, int(used.free.sum()))
     free_m2 = float(loaded.fractions.free * grid.cells.size * grid.resolution_m**2)
     return _Row(name, grid.resolution_m, free_m2, forecast, (*problems, *found_problems))

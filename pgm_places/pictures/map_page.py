@@ -17,6 +17,7 @@ from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 PAGE_FILE = "index.html"
+_GROUND = (*GROUND_SWATCHES[:-1], replace(GROUND_SWATCHES[-1], name="free, in no place"))
 _TITLE = re.compile("<title>([^<]+)</title>")
 
 _MOST_ROWS = 1000
@@ -79,11 +80,11 @@ class MapPage:
         self._topology, self._picture = topology, None
         if picture:
             self._picture = places_drawing(grid, topology)
-        n_unlabelled = int((grid.free & (topology.region == 0)).sum())
+        n_outside = int((grid.free & (topology.region == 0)).sum())
         self._values: dict[str, Any] = {
             "title": title,
             "warnings": warnings,
-            "unlabelled_m2": n_unlabelled * grid.resolution_m**2,
+            "outside_m2": n_outside * grid.resolution_m**2,
             "files": [
                 (name, words)
                 for name, words in _FILES
@@ -105,7 +106,7 @@ class MapPage:
             counts=count_line(found),
             cards=_cards(found, places, doorways, share),
             legend=[(item, area) for item in _swatches(found) if (area := areas[item.name])],
-            ground=GROUND_SWATCHES,
+            ground=_GROUND,
             checks=marked_checks(found),
             hidden=split_candidates(found),
             places=_rows(places, found),

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pgm_places.io.places.topology_files import load_topology
@@ -30,6 +31,22 @@ def test_a_page_names_every_place_and_holds_its_picture() -> None:
         assert f">{region.name}</th>" in text
     assert 'src="data:image/png;base64,' in text and "<script" not in text
     assert 'src="data:' not in page_of(picture=False)
+
+
+def test_free_space_in_no_place_has_its_own_area() -> None:
+    """A speck that corrections dropped has a label in labels.png, but no place."""
+    found = gated_floor_map()
+    dropped = found.regions[0]
+    region = np.where(found.region == dropped.id, 0, found.region)
+    others = tuple(
+        item for item in found.connections if dropped.id not in (item.first, item.second)
+    )
+    without = replace(found, region=region, regions=found.regions[1:], connections=others)
+    before = (found.grid.free & (found.region == 0)).sum() * found.grid.resolution_m**2
+    text = MapPage(found.grid, without, title="floor", names=()).content().decode()
+    area = f"{before + dropped.area_m2:.1f} m²: unreachable, or specks apart from all places"
+    assert re.search(f"free, in no place.*{area}", text)
+    assert "free, unlabelled" not in text
 
 
 def test_names_are_text_and_not_markup() -> None:
