@@ -42,6 +42,7 @@ def explain(
     from pgm_places.labelling.options import ModelOptions
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
+    from pgm_places.teaching.feature_units import value_with_unit
     from pgm_places.teaching.interactive_labeler import InteractiveLabeler
     from pgm_places.teaching.paint import Paint
 
@@ -58,7 +59,10 @@ def explain(
         say(line)
     if (place := explanation.region) is not None:
         of_region = explain_region(taught, place.id)
-        shape = [f"{name} {of_region.features[name]:.3g}" for name in list(of_region.features)[:6]]
+        shape = [
+            f"{name} {value_with_unit(name, of_region.features[name], of_space=True)}"
+            for name in list(of_region.features)[:6]
+        ]
         gates = [f"{gate.width_m:.2f} m ({100 * p:.0f} %)" for gate, p in of_region.gates[:6]]
         if shape:
             say(f"{place.name}: {', '.join(shape)}; gates: {', '.join(gates) or 'none'}")

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.palette import label_colours
 from pgm_places.pictures.canvas import label_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.teaching.feature_units import value_with_unit
 from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.reasons import CellExplanation, FeatureVote, Question
 
@@ -36,8 +37,8 @@ def explanation_lines(found: CellExplanation) -> list[str]:
             f"{question.from_scan:+.2f} by the scan {question.from_spaces:+.2f} by the space around"
         )
         lines += [
-            f"  {vote.log_odds:+.2f}  {vote.name} = {vote.value:.3g} (threshold "
-            f"{vote.threshold:.3g})"
+            f"  {vote.log_odds:+.2f}  {vote.name} = {_with_unit(vote, vote.value)} (threshold "
+            f"{_with_unit(vote, vote.threshold)})"
             for vote in question.votes[:_MOST_LINES]
         ]
     if found.gate_probability is not None:
@@ -54,6 +55,10 @@ def explanation_lines(found: CellExplanation) -> list[str]:
             f"rather than {found.alone}"
         )
     return lines
+
+
+def _with_unit(vote: FeatureVote, value: float) -> str:
+    return value_with_unit(vote.name, value, of_space=vote.of_space)
 
 
 def _shares(probabilities: Mapping[str, float]) -> str:
@@ -158,7 +163,7 @@ def _draw_question(
         length = _BAR / 2 * abs(vote.log_odds) / widest
         start = middle if vote.log_odds > 0 else middle - length
         page.box(start, y - 6, max(length, 1), 12, fill=_FOR if vote.log_odds > 0 else _AGAINST)
-        text = f"{vote.log_odds:+.2f}  {vote.name} = {vote.value:.3g}"
+        text = f"{vote.log_odds:+.2f}  {vote.name} = {_with_unit(vote, vote.value)}"
         page.text(left + _BAR + 10, y, text, size=12)
         y += _ROW
     page.line([[middle, y - len(votes) * _ROW - 8], [middle, y - 12]], colour=MUTED, width=1)
