@@ -132,14 +132,10 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
             for (x0, y0), (x1, y1) in split.lines_m
         ]
         larger, smaller = split.areas_m2
-        lines.append(
-            f"possible split: {split.place.name} ({larger:.1f} and {smaller:.1f} m²) at "
-            + "; and at ".join(openings)
-        )
-    return lines or [
-        f"no split proposed: no place is divided by up to three constrictions under "
-        f"{narrower_than_m:g} m"
-    ]
+        areas, where = f"{larger:.1f} and {smaller:.1f} m²", "; and at ".join(openings)
+        lines.append(f"possible split: {split.place.name} ({areas}) at {where}")
+    none = "no split proposed: no place is divided by up to three constrictions under"
+    return lines or [f"{none} {narrower_than_m:g} m"]
 
 
 def export(

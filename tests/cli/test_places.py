@@ -125,7 +125,10 @@ def test_nav2_without_routes_says_so_and_writes_the_rest(places: Path, run: Run)
         (["export", "--to", "nav2-route", "--keep-out", "rom"], "there is no place 'rom'"),
         (["export", "--to", "nav2-route", "--map", "m.yaml"], "accepts no --map; nav2 and map do"),
         (["export", "--to", "nav2", "--keep-out", "rom"], "there is no place 'rom'"),
-        (["export", "--to", "keepout"], "needs values"),
+        (
+            ["export", "--to", "keepout"],
+            "needs values by class or place, such as room=100; classes: ",
+        ),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
         (["export", "--to", "keepout", "--set", "room=12345678901"], "NAME=NUMBER"),
         (["export", "--to", "keepout", "--set", "rom=3"], "there is no place 'rom'"),

@@ -64,7 +64,8 @@ def test_a_robot_that_fits_nowhere_is_said_to(map_yaml: Path, run: Run) -> None:
 def test_former_names_of_the_robots_radius_are_read(
     line: str, former: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    name, *words = [*line.split(), "--out", "out"]
+    name, map_name = line.split()
+    words = [map_name, "--out", "out"]
     command = {"label": label, "simulate": simulate}[name]
     new = Command(name, command).values([*words, "--robot-radius", "0.3"])
     assert capsys.readouterr().err == ""

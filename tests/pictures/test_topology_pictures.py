@@ -9,7 +9,7 @@ from PIL import Image
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.pictures.topology_pictures import topology_drawing
+from pgm_places.pictures.topology_pictures import count_line, topology_drawing
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_map, gated_floor_map
 
@@ -60,3 +60,11 @@ def test_gates_are_drawn_over_the_map() -> None:
     changed = np.argwhere((with_gate != without).any(axis=2))
     assert len(changed) > 20
     assert np.ptp(changed[:, 0]) > np.ptp(changed[:, 1])  # the door stands upright
+
+
+def test_one_connection_is_counted_in_the_singular() -> None:
+    found = floor_map()
+    one = replace(found, connections=found.connections[:1])
+    assert count_line(one).endswith("3 doorways; 1 connection")
+    assert count_line(replace(found, connections=())).endswith("; 0 connections")
+    assert count_line(found).endswith("; 6 connections")

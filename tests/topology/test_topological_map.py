@@ -1,5 +1,7 @@
 """Places, their connections, and what can be asked of them."""
 
+from dataclasses import replace
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -76,6 +78,23 @@ def test_unknown_places_and_missing_ways() -> None:
         found.place("rom 1")
     with pytest.raises(InputError, match="there is no place 99"):
         found.place(99)
+
+
+def test_known_places_are_listed_in_the_order_of_their_numbers() -> None:
+    found = floor_map()
+    names = ("room 10", "room 2", "room 1", *(region.name for region in found.regions[3:]))
+    regions = (replace(r, name=name) for r, name in zip(found.regions, names, strict=True))
+    with pytest.raises(InputError) as refusal:
+        replace(found, regions=tuple(regions)).place("attic")
+    assert str(refusal.value) == (
+        "there is no place 'attic'. Known: corridor 4, doorway 5, doorway 6, doorway 7, "
+        "room 1, room 2, room 10"
+    )
+
+
+def test_a_class_without_a_name_on_the_map_is_no_place() -> None:
+    with pytest.raises(InputError, match=r"there is no place 'hall'\. Known: corridor 4, doorway"):
+        floor_map().ids_of(["hall"])
 
 
 def test_places_are_joined_by_doorways() -> None:
