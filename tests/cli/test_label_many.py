@@ -56,7 +56,7 @@ def test_a_folder_is_a_batch_that_ends_with_3_where_a_map_is_bad(floors: Path, r
     assert code == 2
     assert f"{out} has the results of a batch: choose another folder" in error
     code, text, _ = run(*single, "--quiet", "--jobs", 1)
-    assert (code, text.splitlines()[0]) == (0, "1 map: 0 labelled, 1 done before")
+    assert (code, text.splitlines()[0]) == (0, "1 map: 0 labelled, 1 already done")
     (floors / "floors" / "f3" / "map.yaml").unlink()
     code, text, _ = run(*label, "--quiet")
     assert code == 0
@@ -71,6 +71,14 @@ def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) 
     assert code == 0, error
     assert (out / "map" / "labels.png").exists()
     assert (out / "index.html").exists()
+
+
+def test_maps_that_take_too_long_are_given_up(floors: Path, run: Run) -> None:
+    label = ["label", floors / "floors", "-m", floors / "model", "-o", floors / "out", "-q"]
+    code, text, _ = run(*label, "--time-limit", 0.001)
+    assert code == 3
+    for name in ("f1/map", "f2/map"):
+        assert f"  {name}: time limit of 0.001 s exceeded; raise --time-limit" in text.splitlines()
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def test_readings_without_an_answer_become_the_maximum_range() -> None:
 
 
 def test_interpolation_crosses_the_end_of_the_scan() -> None:
-    ranges = np.array([[np.nan, 2.0, 4.0, 5.0, np.nan, 99.0]])
+    ranges = np.array([[np.nan, 2.0, 4.0, 5.0, np.nan, 30.0]])
     clean = clean_beams(ranges, max_range_m=30.0, invalid="interpolate")
     np.testing.assert_allclose(clean, [[2.75, 2, 4, 5, 4.25, 3.5]], rtol=0, atol=1e-12)
 

@@ -79,11 +79,12 @@ def test_known_cells_are_kept_on_maps_of_other_resolutions(resolution_m: float) 
 
 
 def test_a_coarser_cell_takes_the_label_of_most_of_its_known_parts() -> None:
-    grid = OccupancyGrid(np.array([[0, 0, 0, 0], [0, 0, 0, 100]], np.int8), 0.05)
+    grid = OccupancyGrid(np.array([[0] * 6, [0, 0, 0, 100, 0, 0]], np.int8), 0.05)
     coarse = coarsen(grid, 0.1, occupied_share=0.9)
-    found = KnownCells.of([[1, -1, -1, -1], [1, 0, -1, 2]], grid, coarse, NAMES, NAMES)
-    assert found.on_cells.tolist() == [[1, -1]]  # the cell labelled 2 is a wall
-    assert found.on_map.tolist() == [[1, -1, -1, -1], [1, 0, -1, -1]]
+    known = [[1, -1, -1, -1, -1, -1], [1, 0, -1, 2, -1, 0]]  # the cell labelled 2 is a wall
+    found = KnownCells.of(known, grid, coarse, NAMES, NAMES)
+    assert found.on_cells.tolist() == [[1, -1, 0]]
+    assert found.on_map.tolist() == [known[0], [1, 0, -1, -1, -1, 0]]
 
 
 def test_halls_are_corridors_to_the_methods_and_halls_in_the_result() -> None:

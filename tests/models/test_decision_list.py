@@ -144,6 +144,14 @@ def test_the_heuristic_sorts_by_classification_rate(held_out: bool) -> None:
     np.testing.assert_allclose(found, plain.predict_log_proba(X), rtol=1e-9, atol=0)
 
 
+def test_rates_are_in_the_order_of_the_classes_whatever_their_frequencies() -> None:
+    X, y = example()
+    rates: Any = DecisionListClassifier(n_rounds=5).fit(X, y).rates_
+    for others in ([1, 2, 3, 0], [2, 3, 1, 0]):
+        renamed: Any = DecisionListClassifier(n_rounds=5).fit(X, np.array(others)[y]).rates_
+        np.testing.assert_array_equal(renamed[others], rates)
+
+
 @pytest.mark.parametrize("decision", ["list", "argmax"])
 @pytest.mark.parametrize("criterion", ["balanced_accuracy", "accuracy"])
 def test_the_exhaustive_search_takes_the_best_of_all_orders(decision: str, criterion: str) -> None:

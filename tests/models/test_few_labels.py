@@ -71,3 +71,16 @@ def test_labels_worse_than_those_of_the_potts_field_are_told(observed: bool) -> 
     few = np.where(np.arange(120) % 20, -1, truth)
     bare = LabelingProblem(graph, NAMES, sure)
     assert fault_on_few_labels(Answers((truth + 1) % 3), bare, few) is None  # too few to compare
+
+
+@pytest.mark.parametrize("described", [False, True])
+def test_nearly_all_is_too_many_only_where_nothing_describes_nodes(described: bool) -> None:
+    truth = np.repeat([0, 1, 2], 40)
+    labels = np.where(np.arange(120) % 4, -1, truth)
+    found = np.maximum(labels, 0)
+    found[-1] = 2  # the others: 89 of 90 have the first label
+    sure = np.log(0.8 * np.eye(3) + 0.2 / 3)[truth] if described else None
+    known = None if described else labels
+    problem = LabelingProblem(LabelGraph.from_lattice((120,)), NAMES, sure, known=known)
+    fault = fault_on_few_labels(Answers(found), problem, labels)
+    assert fault is None if described else "98 % of the others the label 'a'" in str(fault)

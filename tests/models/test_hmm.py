@@ -228,6 +228,18 @@ def correlated_chain(seed: int, run: int) -> tuple[LabelingProblem, NDArray[np.i
     return LabelingProblem(graph, ["a", "b", "c"], unary=np.log(z)), truth
 
 
+def test_weights_are_chosen_by_drives_that_were_not_counted() -> None:
+    problems, truths = zip(*(a_walk(seed, 40) for seed in range(4)), strict=True)
+    model: Any = HiddenMarkovModel(observation="soft").fit(problems, truths)
+    right = []
+    for k, (problem, truth) in enumerate(zip(problems, truths, strict=True)):
+        rest = [part[:k] + part[k + 1 :] for part in (problems, truths)]
+        weight, share = float(model.fitted_weights[0]), 0.0
+        one: Any = HiddenMarkovModel(observation="soft", evidence_weight=weight, shrinkage=share)
+        right.append((one.fit(*rest).infer(problem).labels == truth).mean())
+    assert model.fitted_scores[0, 0] == pytest.approx(np.mean(right))
+
+
 @pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
 def test_evidence_that_repeats_itself_is_made_to_count_less(mode: Any) -> None:
     problems, truths = zip(*(correlated_chain(seed, 6) for seed in range(4)), strict=True)

@@ -77,6 +77,13 @@ def test_a_trajectory_labeler_of_before_labels_as_it_did() -> None:
     np.testing.assert_array_equal(labels, expected()["trajectory_labeler"])
 
 
+def test_options_of_a_trajectory_labeler_are_stored(tmp_path: Path) -> None:
+    options = {"n_folds": 3, "n_runs": 70, "seed": 9, "loop_m": 2.5}
+    labeler = load(STORED / "trajectory_labeler").with_options(**options)
+    again = load(save(labeler, tmp_path / "again"))
+    assert {name: getattr(again, name) for name in options} == options
+
+
 def test_a_structured_labeler_of_before_labels_as_it_did() -> None:
     labels = load(STORED / "structured_labeler").label(chain()).labels
     np.testing.assert_array_equal(labels, expected()["structured_labeler"])

@@ -52,6 +52,14 @@ def test_two_labels_are_solved_exactly_or_refused(model: Model) -> None:
     np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("n_edges", [0, 1])
+def test_three_labels_are_solved_exactly_only_where_nothing_links_nodes(n_edges: int) -> None:
+    edges, agreement = np.array([[0, 1]])[:n_edges], np.ones((n_edges, 3))
+    model = Model(np.array([[0.0, 2.0, 1.0], [5.0, 1.0, 2.0]]), edges, agreement)
+    found = alpha_expansion(pairwise_model(*model.arrays))
+    assert (found.exact, labels_of(found)) == (not n_edges, (1, 0))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_same_graph_serves_many_problems(seed: int) -> None:
     first, second = grid_model(seed, 3), grid_model(seed + 100, 3)

@@ -62,6 +62,14 @@ def test_the_relief_is_the_smoothed_distance(is_open: np.ndarray) -> None:
     assert (relief_of(is_open)[1:-1, 1:-1] == reference.smoothed_distance(is_open)).all()
 
 
+def test_cuts_divide_a_room_and_leave_its_clearance_as_it_is() -> None:
+    grid = grid_of(np.pad(np.ones((40, 80), np.bool_), 1))
+    cuts = np.array([[row, 40] for row in range(1, 41)])
+    whole, cut = Segmentation.of(grid), Segmentation.of(grid, cuts=cuts)
+    assert (whole.scales[-1].count, cut.scales[-1].count) == (1, 2)
+    np.testing.assert_array_equal(cut.watershed.relief, whole.watershed.relief)
+
+
 @pytest.mark.parametrize("cells", range(3, 30))
 def test_a_passage_is_as_wide_as_it_is(cells: int) -> None:
     relief = relief_of(np.ones((cells, 200), np.bool_))

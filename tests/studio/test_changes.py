@@ -231,3 +231,17 @@ def test_a_place_is_cut_without_a_doorway_and_merging_takes_the_cut_back(
     labelled.edit({"kind": "undo"})
     wait(labelled, 6)
     assert rooms() == cut
+
+
+def test_parts_of_a_cut_are_merged_though_one_was_painted_over(labelled: MapSession) -> None:
+    paint(labelled, "room", (5, 5), (25, 25))
+    labelled.edit({"kind": "cut", "start": [15.0, 6.0], "end": [15.0, 24.0]})
+    paint(labelled, "corridor", (15, 5), (25, 25))
+    wait(labelled, 3)
+    region = labelled.answer.topology.region
+    parts = int(region[10, 10]), int(region[10, 20])
+    labelled.edit({"kind": "merge", "first": parts[0], "second": parts[1]})
+    wait(labelled, 4)
+    region = labelled.answer.topology.region
+    assert parts[0] != parts[1] and region[10, 10] == region[10, 20] > 0
+    assert labelled.painting.cuts == ()

@@ -1,5 +1,7 @@
 """The paper's corrections: what is wrong, what it becomes, and that it ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -99,6 +101,16 @@ class TestRoom:
             ("corridor", "room", "no room")
         ]
         assert (found[raster >= 0] == ROOM).all()
+
+    def test_what_has_become_part_of_a_larger_region_has_its_room(self) -> None:
+        raster = np.full((9, 30), -1, np.int16)
+        raster[2:7, :10] = ROOM
+        raster[4:7, 10:25] = CORRIDOR  # of 0.3 m, with more neighbours than the room
+        raster[4:7, 25:] = DOORWAY
+        rules = replace(self.RULES, doorways_join_two=False)
+        found, log = correct_regions(raster, NAMES, 0.1, rules)
+        assert [(entry.was, entry.became) for entry in log] == [("corridor", "room")]
+        assert (found == np.where(raster == CORRIDOR, ROOM, raster)).all()
 
     def test_what_touches_nothing_is_dropped(self) -> None:
         raster = np.full((12, 40), -1, np.int16)

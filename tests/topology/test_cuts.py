@@ -49,6 +49,16 @@ def test_doors_that_part_two_rooms_together_are_proposed_together(doors: int) ->
     assert propose_splits(found, 1.0, min_part_m2=27.0) == []
 
 
+def test_a_line_is_not_proposed_with_another_that_divides_a_place_alone() -> None:
+    labels = np.full((100, 100), -1, np.int16)
+    labels[1:-1, 1:-1] = ROOM
+    labels[:, 56:58] = labels[30:32] = -1
+    labels[11:24, 56:58] = labels[30:32, 56:65] = labels[30:32, 87:96] = ROOM
+    cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
+    found = topological_map(OccupancyGrid(cells, 0.1), labels, NAMES)
+    assert propose_splits(found, 1.0) == []
+
+
 def test_many_openings_are_no_doors() -> None:
     assert propose_splits(two_rooms(4), 1.0) == []
 

@@ -117,6 +117,13 @@ def test_a_map_of_another_frame_is_refused(tmp_path: Path) -> None:
         write_nav2(tmp_path, topology, route_graph(topology), grid=other)
 
 
+def test_places_without_a_speed_are_driven_through_at_the_usual_one(tmp_path: Path) -> None:
+    topology = floor_map()
+    write_nav2(tmp_path, topology, route_graph(topology), speeds_m_s={"doorway": 0.2})
+    given = parameters(tmp_path)["route_server"]["ros__parameters"]
+    assert given["TimeScorer"]["max_vel"] == 0.5
+
+
 def test_edges_carry_speeds_that_the_scorer_can_read(folder: Path) -> None:
     nodes, edges = graph_of(folder / "nav2_route.geojson")
     given = parameters(folder)["route_server"]["ros__parameters"]

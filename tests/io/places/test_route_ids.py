@@ -9,7 +9,7 @@ import pytest
 
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.nav2_folder import write_nav2_route
-from pgm_places.io.places.route_ids import EarlierIds
+from pgm_places.io.places.route_ids import EarlierIds, node_ids
 from pgm_places.topology.route_graph import RouteGraph, RouteNode, route_graph
 from tests.topology.floors import floor_map
 
@@ -67,6 +67,12 @@ def test_exports_into_the_same_folder_keep_ids(tmp_path: Path) -> None:
     export(floor_map(), "nav2-route", tmp_path)
     assert path.read_bytes() == before
     assert min(number for number in written(path)[0] if number > 1000) == 10_001
+
+
+def test_of_several_nodes_near_an_earlier_one_the_nearest_keeps_its_id() -> None:
+    nodes = tuple(RouteNode((x, 0.0), 1, is_anchor=False, clearance_m=1.0) for x in (0.3, 0.1))
+    earlier = EarlierIds({10_007: (0.0, 0.0)})
+    assert node_ids(RouteGraph(nodes, (), 0.2, ()), earlier) == [10_001, 10_007]
 
 
 @pytest.mark.parametrize("text", ["{", '{"features": [{"geometry": {}}]}', '{"features": 3}'])
