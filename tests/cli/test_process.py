@@ -281,7 +281,7 @@ def test_too_many_threads_are_refused_before_the_work(building: Path, run: Run) 
     assert code == 2
     *before, refused = error.splitlines()
     assert refused == "pgm-places: the number of threads must be from 1 to 1024, got 100000"
-    assert all(line.startswith("warning: the map has cells of 0.1 m") for line in before)
+    assert all(line.startswith("warning: resampled from 0.1 m") for line in before)
 
 
 def test_hostile_names_of_labels_are_refused_in_one_line(building: Path, run: Run) -> None:

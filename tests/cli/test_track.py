@@ -372,5 +372,5 @@ def test_a_model_of_drives_is_trained_from_a_configuration_and_tracks(
     config.write_text(DRIVES + '[[methods]]\nname = "relaxation"\n')
     code, out, err = run("train", config, "--out", folder / "another", "--quiet")
     assert code == 2
-    assert "a model of drives has one method, and the configuration has hmm, relaxation" in err
+    assert "a model of drives has one method, but the configuration has hmm, relaxation" in err
     assert not (folder / "another").exists()

@@ -187,7 +187,7 @@ def test_a_model_whose_feature_is_absent_or_changed_says_so(
     save(unfitted(Shortest()).fit([known]), tmp_path / "model")
     with monkeypatch.context() as changed:
         changed.setattr(Shortest, "column_names", ("closest",))
-        with pytest.raises(ModelFileError, match=r"'shortest' has the columns \['closest'\] now"):
+        with pytest.raises(ModelFileError, match=r"has the columns \['closest'\], but the model"):
             load(tmp_path / "model")
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [])
     with pytest.raises(ModelFileError, match=r"no feature 'shortest' is installed; install the"):

@@ -115,7 +115,7 @@ def test_positions_without_scans_are_seen_in_the_known_map() -> None:
 
 
 def test_networks_need_a_map_around_the_robot() -> None:
-    with pytest.raises(ConfigError, match="builds no map, but the floor networks look at one"):
+    with pytest.raises(ConfigError, match="builds no map, but floor networks need one"):
         tracker(one_view()).with_options(beams=BeamOptions("mirror")).check_options()
 
 

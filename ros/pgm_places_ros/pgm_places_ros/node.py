@@ -52,12 +52,14 @@ KINDS = {
 }
 
 
-def quality(depth: int, *, reliable: bool, kept: bool = False) -> QoSProfile:
-    """The quality of service of a topic; ``kept`` messages reach those who come later."""
+def quality(depth: int, *, reliable: bool, transient_local: bool = False) -> QoSProfile:
+    """The quality of service of a topic; late subscribers receive ``transient_local`` messages."""
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
+        ),
     )
 
 
@@ -105,12 +107,17 @@ class PlacesNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen and speak."""
         options = self._options(NodeOptions)
-        kept = options.map_subscribe_transient_local
+        late = options.map_subscribe_transient_local
         maps, tf = options.map_topic, options.tf_topic
         reliable = quality(100, reliable=True)
-        self._listen("tf_static", TFMessage, f"{tf}_static", quality(100, reliable=True, kept=True))
+        self._listen(
+            "tf_static",
+            TFMessage,
+            f"{tf}_static",
+            quality(100, reliable=True, transient_local=True),
+        )
         self._listen("tf", TFMessage, tf, reliable)
-        self._listen("map", OccupancyGrid, maps, quality(1, reliable=True, kept=kept))
+        self._listen("map", OccupancyGrid, maps, quality(1, reliable=True, transient_local=late))
         self._listen("map_updates", OccupancyGridUpdate, f"{maps}_updates", reliable)
         self._listen("odom", Odometry, options.odom_topic, quality(10, reliable=False))
         self._listen("scan", LaserScan, options.scan_topic, quality(5, reliable=False))
@@ -155,7 +162,7 @@ class PlacesNode(LifecycleNode):
         )
         for what, item in OUTPUTS.items():
             topic = item.topic if item.topic.startswith("/") else f"~/{item.topic}"
-            qos = quality(item.depth, reliable=True, kept=item.is_kept)
+            qos = quality(item.depth, reliable=True, transient_local=item.transient_local)
             self._outputs[what] = self.create_lifecycle_publisher(KINDS[what], topic, qos)
         self._service = self.create_service(Where, "~/where", self._where)
         self._live = LiveNode(finder, self._labelling, self._send, self._complain, options, live)
