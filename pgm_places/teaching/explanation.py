@@ -75,11 +75,11 @@ def vote_parts(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.floa
     return VoteParts(bias, columns[order].astype(np.int64), part[order], threshold[order])
 
 
-Steps = list[tuple[int, float, float]]
+_Steps = list[tuple[int, float, float]]
 """Column, threshold, contribution."""
 
 
-def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> Steps:
+def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> _Steps:
     if isinstance(classifier, BoostedTrees):
         return []
     left = row[classifier.feature] < classifier.cut
@@ -88,7 +88,7 @@ def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.fl
     return list(zip(*parts, strict=True))
 
 
-def _tree_steps(classifier: BoostedTrees, row: NDArray[np.float32]) -> tuple[float, Steps]:
+def _tree_steps(classifier: BoostedTrees, row: NDArray[np.float32]) -> tuple[float, _Steps]:
     bias, steps = 0.0, []
     for feature, cut, value in zip(
         classifier.feature, classifier.cut, classifier.value.astype(np.float64), strict=True
