@@ -159,9 +159,9 @@ def _standing_words(
     comparison: Comparison, top: MethodResult, method: MethodResult, *, is_best: bool
 ) -> str:
     if is_best:
-        return "best, beyond chance"
+        return "significantly best"
     if method is top:
-        return "highest, but not beyond chance"
+        return "highest, but not significantly"
     if all(
         np.array_equal(one.labels, other.labels)
         for one, other in zip(top.labelings, method.labelings, strict=True)
@@ -169,7 +169,7 @@ def _standing_words(
         return f"the same labels as {top.id}"
     found = comparison.judgement.between(top.id, method.id)
     behind = f"{_points(100 * found.shown)} behind {top.id} ({_span(found)})"
-    return behind if found.winner == top.id else f"{behind}: not beyond chance"
+    return behind if found.winner == top.id else f"{behind}: not significant"
 
 
 def _number(value: float) -> str:

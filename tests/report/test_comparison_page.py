@@ -325,7 +325,7 @@ def test_the_first_page_says_who_is_right_more_often_and_what_it_costs() -> None
     assert "; relaxation finds 100 % of the room cells, plain 0 % (balanced accuracy " in text
     assert "ahead in 2 and behind in 0 of 2 buildings (sign test: p = 0.5)" in text
     assert "relaxation learns in 1.50 s and labels in 0.25 s; plain learns in 1.50 s" in text
-    assert "best, beyond chance" in text
+    assert "significantly best" in text
     alone = replace(comparison, methods=comparison.methods[:1])
     assert "At a glance" not in report_page(alone)
     one = small_comparison()
