@@ -65,10 +65,10 @@ _PROGRESS = {
 
 _MEANINGS = {
     Status.EXACT: "proved best for the method's scores",
-    Status.CONVERGED: "ended at a local optimum; another labelling may score more",
+    Status.CONVERGED: "ended at a local optimum",
     Status.STOPPED: "the method reached its iteration limit before it settled; the labels can be "
     "used, but more iterations might change some",
-    Status.RELAXED: "the solution of a relaxation, rounded; another labelling may score more",
+    Status.RELAXED: "the rounded solution of a relaxation",
     Status.REPAIRED: "changed afterwards so that no rule is broken",
     Status.INFEASIBLE: "breaks a rule; a search found no labelling that keeps all of them",
 }
