@@ -10,7 +10,6 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.space_consistency import smooth_over_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
@@ -110,7 +109,7 @@ def _gate_zones(
         cells, node = cells[node >= 0], node[node >= 0]
         if not len(node):
             continue
-        along = _along(gate, doorways.grid.cell_centres_m(cells))
+        along, _ = gate.in_frame_m(doorways.grid.cell_centres_m(cells))
         probability = np.exp(log_z[node, doorway])
         inside = np.abs(along) <= half_m
         likely = probability > _SURE
@@ -129,7 +128,7 @@ def _between_gates(doorways: Doorways) -> NDArray[np.int64]:
     if not near:
         return np.empty((0, 2), np.int64)
     away = [
-        _distance(doorways.gates[g], doorways.grid.cell_centres_m(cells))
+        doorways.gates[g].distance_m(doorways.grid.cell_centres_m(cells))
         for g, cells in zip(sure, near, strict=True)
     ]
     cells, distance = np.concatenate(near), np.concatenate(away)
@@ -139,20 +138,6 @@ def _between_gates(doorways: Doorways) -> NDArray[np.int64]:
     nearest = ~np.append(False, again)[:-1]
     equal = distance[1:] - distance[:-1] <= _EQUALLY_FAR * doorways.grid.resolution_m
     return cells[1:][again & nearest & equal & (distance[1:] > 0)]
-
-
-def _distance(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,) distance of points (n, 2) from a gate's rectangle (m)."""
-    along = np.abs(_along(gate, points_m)) - gate.depth_m / 2
-    across = [-np.sin(gate.heading_rad), np.cos(gate.heading_rad)]
-    aside = np.abs((points_m - gate.centre_m) @ across) - gate.width_m / 2
-    return np.hypot(np.maximum(along, 0), np.maximum(aside, 0))
-
-
-def _along(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,) signed distance of points (n, 2) from a gate's middle along its heading (m)."""
-    heading = [np.cos(gate.heading_rad), np.sin(gate.heading_rad)]
-    return np.asarray((points_m - gate.centre_m) @ heading)
 
 
 def shown_names(names: tuple[str, ...], model: UnaryModel, halls: HallsAs) -> tuple[str, ...]:

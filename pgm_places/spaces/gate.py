@@ -52,11 +52,27 @@ class Gate:
 
         ``wider_m`` and ``deeper_m`` extend the width and the depth at either end.
         """
-        offset = np.asarray(points_m, np.float64).reshape(-1, 2) - self.centre_m
-        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        along, across = np.abs(offset @ [cos, sin]), np.abs(offset @ [-sin, cos])
+        along, across = map(np.abs, self.in_frame_m(points_m))
         inside = (along <= self.depth_m / 2 + deeper_m) & (across <= self.width_m / 2 + wider_m)
         return np.asarray(inside)
+
+    def distance_m(self, points_m: ArrayLike) -> NDArray[np.float64]:
+        """(n,) distance of points (n, 2) of the map frame from the rectangle; 0 inside.
+
+        Examples
+        --------
+        >>> Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.5).distance_m([[2, 1.5], [3.25, 1]])
+        array([0., 1.])
+        """
+        along, across = map(np.abs, self.in_frame_m(points_m))
+        beyond = np.maximum(along - self.depth_m / 2, 0), np.maximum(across - self.width_m / 2, 0)
+        return np.asarray(np.hypot(*beyond))
+
+    def in_frame_m(self, points_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n,) signed distances of points (n, 2) from the centre, along the heading and across."""
+        offset = np.asarray(points_m, np.float64).reshape(-1, 2) - self.centre_m
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        return offset @ [cos, sin], offset @ [-sin, cos]
 
     def cells(
         self, grid: OccupancyGrid, *, wider_m: float = 0.0, deeper_m: float = 0.0
