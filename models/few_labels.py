@@ -87,8 +87,8 @@ def fault_on_few_labels(
 
 
 def _right(method: Any, problem: LabelingProblem, truth: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether nodes are labelled right whose label is known and not observed."""
-    asked = truth >= 0
+    """For each node with a true label that is not observed, whether the method is right."""
+    compared = truth >= 0
     if problem.known is not None:
-        asked &= problem.known < 0
-    return cast("NDArray[np.bool_]", (method.infer(problem).labels == truth)[asked])
+        compared &= problem.known < 0
+    return cast("NDArray[np.bool_]", (method.infer(problem).labels == truth)[compared])

@@ -71,9 +71,10 @@ def with_observed(
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]], list[NDArray[np.float64]] | None]:
     """Problems and labellings to learn from, with observed labels added to the labellings.
 
-    If all labels of a problem are observed, they are targets where nodes have features or a unary:
-    beside known neighbours, too little would be learned of these. Without either, they are learned
-    in folds (:func:`observed_in_folds`); weights of nodes are copied.
+    If all labels of a problem are observed and its nodes have features or a unary, the observed
+    labels become targets: given the labels of neighbours, learning would hardly use the features.
+    Without features and unary, they are learned in folds (:func:`observed_in_folds`). Weights of
+    nodes are copied.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def with_observed(
 
 
 def describes_nodes(problem: LabelingProblem) -> bool:
-    """Whether anything but observed labels tells one node from another."""
+    """Whether features or a unary distinguish the nodes."""
     unary = problem.unary
     return problem.node_features is not None or (
         unary is not None and bool((unary != unary[:1]).any())
