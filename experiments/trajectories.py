@@ -1,154 +1,140 @@
-"""Trajectories on real buildings, labelled with and without a hidden Markov model.
+"""Every method on the drives of the configurations in ``experiments/drives``, as tables.
 
-``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` prints their tables, or those that are
-named; ``--write-docs`` renews them in docs/results.md. ``--kept FOLDER`` keeps there what each part
-found, and each graph of the part ``graphs``, so that a run that was stopped goes on where it was.
+``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` prints them, or those that are named;
+``--write-docs`` renews them in docs/results.md. ``--kept FOLDER`` stores the results of each part,
+and of each graph of the part ``graphs``, so that an interrupted run resumes.
 """
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from experiments.drives.kept_text import KeptText
-from experiments.drives.methods import (
-    CHAIN,
-    JOINT,
-    LOOPS,
-    graphs_table,
-    methods_table,
-)
-from experiments.map_prior import map_prior_table
+from experiments.kept import fingerprint
 from experiments.page_tables import SideBySide, parsed_tables, show_table, text_of, with_write_docs
-from experiments.paper.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
-from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.scan_model import BeamOptions
+from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.experiment.comparison import Comparison, MethodResult, score_intervals
+from pgm_places.experiment.config import ExperimentConfig, load_config
+from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.runs import compare
+from pgm_places.io.atomic import write_text
+from pgm_places.spaces.door_truth import DoorScores
 
-TABLES = (
-    "beams",
-    "methods",
-    "prior",
-    "graphs",
-    "categories",
+TABLES = ("methods", "graphs")
+FOLDER = Path(__file__).parent / "drives"
+DRIVES = ("building79", "categories79", "simulated", "cold_freiburg", "cold_saarbrucken")
+LOOP_M = 0.4
+CHAIN, LOOPS, JOINT = "chain", "chain with loops", "joint with the cells"
+CHAINS_ONLY = ("hmm", "semi_markov")
+COLUMNS = "method | accuracy | 95 % | balanced | doorway recall | passages found | invented |"
+GRAPHS = (
+    SideBySide(("method",), "{drives}", f"{{{CHAIN}}}"),
+    SideBySide(("method",), "{drives}: with loops", f"{{{LOOPS}}}"),
+    SideBySide(("method",), "{drives}: with the cells", f"{{{JOINT}}}"),
 )
-SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
-    "prior": (SideBySide(("method",), "weight {weight of the map}", "{right half}"),),
-    "graphs": (
-        SideBySide(("method",), "{drives}", f"{{{CHAIN}}}"),
-        SideBySide(("method",), "{drives}: with loops", f"{{{LOOPS}}}"),
-        SideBySide(("method",), "{drives}: with the cells", f"{{{JOINT}}}"),
-    ),
-}
-"""How long tables are made short and wide."""
-
-MODES = ("filter", "smooth", "viterbi")
-HEAD = (
-    "| beams | trained on | single scans | filter | smoother | Viterbi | "
-    "doorway recall: alone / filter / smoother |\n|---|---|---|---|---|---|---|"
-)
-FRONT_ONLY = {"front only": BeamOptions("max-range")}
-LOCAL = {"front, rear from the local map": BeamOptions()}
-KNOWN = {"front, rear from the known map": BeamOptions("known-map")}
-FROM_MAP: Mapping[str, BeamOptions] = {
-    "front, its mirror image behind": BeamOptions("mirror"),
-    **LOCAL,
-    "all from the local map": BeamOptions(all_from_map=True),
-    **KNOWN,
-    "all from the known map": BeamOptions("known-map", all_from_map=True),
-}
+"""How the long table of the graphs is made short and wide."""
 
 
-def answers(
-    labeler: TrajectoryLabeler, path: Trajectory, scores: NDArray[np.float64]
-) -> dict[str, NDArray[np.int64]]:
-    """Labels from each scan alone and from each mode of the hidden Markov model."""
-    found = {"alone": scores.argmax(axis=1)}
-    for mode in MODES:
-        found[mode] = labeler.with_options(method__mode=mode).infer(path, scores).labels
-    return found
+@dataclass(frozen=True)
+class KeptText:
+    """Named texts in files of a folder; nothing is kept where there is no folder.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Made if there is none.
+    """
+
+    folder: Path | None = None
+
+    def text(self, name: str, make: Callable[[], str]) -> str:
+        """The text of that name, made by ``make`` if there is no file of it."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.md"
+        if not path.exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_text(path, make())
+        return path.read_text(encoding="utf-8")
 
 
-def row(
-    name: str,
-    learned_on: str,
-    found: Mapping[str, NDArray[np.int64]],
-    truth: NDArray[np.int64],
-    names: Sequence[str],
-) -> str:
-    """A row of the table."""
-    scored = {key: evaluate(truth, labels, names) for key, labels in found.items()}
-    rates = " | ".join(f"{100 * item.accuracy:.1f}" for item in scored.values())
-    doors = " / ".join(
-        f"{100 * (scored[key].recall['doorway'] or 0.0):.0f}"
-        for key in ("alone", "filter", "smooth")
+def methods_table(name: str) -> str:
+    """Accuracy, balanced accuracy, doorway recall and passages of each method of a file here."""
+    found = _compared(name)
+    lines = [f"| {COLUMNS}", "|---" * 7 + "|"]
+    lines += [f"| {_figures_of(found, method)}" for method in found.methods]
+    return "\n".join(lines)
+
+
+def _compared(name: str) -> Comparison:
+    return compare(Experiment(load_config(FOLDER / name), FOLDER))
+
+
+def _figures_of(found: Comparison, method: MethodResult) -> str:
+    """A method's row over all drives, its interval by stretches of their ways."""
+    scored = Evaluation.merged(method.evaluations)
+    items, labelings = found.maps, [method.labelings]
+    interval = score_intervals(items, labelings, len(found.label_names))["accuracy"]
+    doors = DoorScores.total(method.doors)
+    text = (
+        f"`{method.id}` | {100 * scored.accuracy:.1f} | "
+        f"{100 * interval.low:.1f} to {100 * interval.high:.1f} | "
+        f"{100 * scored.balanced_accuracy:.1f} | "
+        f"{100 * (scored.recall['doorway'] or 0.0):.1f} | "
+        f"{doors.found} of {doors.doors} | {doors.invented} |"
     )
-    text = f"| {name} | {learned_on} | {rates} | {doors} |"
     print(text, flush=True)
     return text
 
 
-def places_table(data: Building79) -> str:
-    """Three places: the left half is learned from, the right half of the log is labelled."""
-    truth = np.where(data.left, -1, data.place)
-    path = data.path
-    left = path.with_labels(np.where(data.left, data.place, -1), PLACES)
-    from_map = from_left_map(data)
-    lines = [HEAD]
-    for name, beams in FROM_MAP.items():
-        labeler = from_map.with_options(beams=beams)
-        found = answers(labeler, path, labeler.scores(path, known_map=data.map.grid))
-        lines.append(row(name, "left map", found, truth, PLACES))
-    for name, beams in {**FRONT_ONLY, **LOCAL}.items():
-        labeler = TrajectoryLabeler(PLACES, beams=beams).fit([], [left])
-        found = answers(labeler, path, labeler.scores(path))
-        lines.append(row(name, "left log", found, truth, PLACES))
-    both = TrajectoryLabeler(PLACES).fit([data.training_map], [left])
-    found = answers(both, path, both.scores(path))
-    lines.append(row(next(iter(LOCAL)), "left map and log", found, truth, PLACES))
+def graphs_table(kept: KeptText, names: tuple[str, ...] = DRIVES) -> str:
+    """Accuracy / balanced accuracy of every method on every graph, drives by drives."""
+    lines = [f"| drives | method | {CHAIN} | {LOOPS} | {JOINT} |", "|---|---|---|---|---|"]
+    for name in names:
+        lines += _rows(name, load_config(FOLDER / f"{name}.toml"), kept)
     return "\n".join(lines)
 
 
-def from_left_map(data: Building79) -> TrajectoryLabeler:
-    """A labeler that knows the left half of the map, and no log."""
-    return TrajectoryLabeler(PLACES).fit([data.training_map])
+def _rows(name: str, config: ExperimentConfig, kept: KeptText) -> Iterator[str]:
+    """A row per method; methods for chains have the first graph alone."""
+    loopy = tuple(item for item in config.methods if item.name not in CHAINS_ONLY)
+    variants = {CHAIN: config}
+    variants[LOOPS] = replace(changed_config(config, {"steps.loop_m": LOOP_M}), methods=loopy)
+    if "room" in config.labels.names:  # categories are labels of steps, and not of the cells
+        drives = tuple(item for item in config.train if item.is_drive)  # each with its map
+        variants[JOINT] = replace(config, nodes="both", train=drives, methods=loopy)
+    found = {}
+    for graph, variant in variants.items():
+        stem = f"{name}-{graph.replace(' ', '-')}-{fingerprint(variant)}"
+        text = kept.text(stem, partial(_figures, variant))
+        print(f"{config.title}, {graph}\n{text}", flush=True)
+        found[graph] = dict(line.split("\t") for line in text.splitlines())
+    for method in config.methods:
+        cells = [found.get(graph, {}).get(method.id, "-") for graph in (CHAIN, LOOPS, JOINT)]
+        yield f"| {config.title} | `{method.id}` | {' | '.join(cells)} |"
 
 
-def categories_table(data: Building79) -> str:
-    """Categories, learned from one half of the log and looked for in the other."""
-    lines = [HEAD]
-    for learn_left in (False, True):
-        learn = data.left == learn_left
-        learned = np.where(learn, data.category, -1)
-        known = np.unique(learned[learned >= 0])
-        names = tuple(CATEGORY_NAMES[k] for k in known)
-        number = np.full(len(CATEGORY_NAMES) + 1, -1)  # its last entry is for "unknown", -1
-        number[known] = np.arange(len(known))
-        truth = np.where(learn, -1, number[data.category])
-        path = data.path.with_labels(number[learned], names)
-        for name, beams in {**FRONT_ONLY, **LOCAL, **KNOWN}.items():
-            labeler = TrajectoryLabeler(names, beams=beams)
-            labeler = labeler.fit([], [path], known_map=data.map.grid)
-            found = answers(labeler, path, labeler.scores(path, known_map=data.map.grid))
-            where = f"{'left' if learn_left else 'right'} log, {len(names)} categories"
-            lines.append(row(name, where, found, truth, names))
-    return "\n".join(lines)
+def _figures(config: ExperimentConfig) -> str:
+    """A line per method: its name, a tab, accuracy / balanced accuracy of the steps in percent."""
+    found = compare(Experiment(config, FOLDER))
+    lines = []
+    for method in found.methods:
+        item = found.by_unit(method)["step"]
+        figures = f"{100 * item.accuracy:.1f} / {100 * item.balanced_accuracy:.1f}"
+        lines.append(f"{method.id}\t{figures}")
+    return "\n".join(lines) + "\n"
 
 
-def shown(part: str, text: str) -> str:
-    """What the page shows of a part's table; a method that has no figures has no row."""
-    if part not in SHOWN:
-        return text
+def graphs_shown(text: str) -> str:
+    """The table of the graphs as the page shows it, without rows that have no figures."""
     [table] = parsed_tables(text)
-    wide = [layout.of(table) for layout in SHOWN[part]]
-    kept = [replace(item, rows=tuple(filter(_has_figures, item.rows))) for item in wide]
-    return text_of([item for item in kept if item.rows])
+    wide = [layout.of(table) for layout in GRAPHS]
+    shown = [replace(item, rows=tuple(filter(_has_figures, item.rows))) for item in wide]
+    return text_of([item for item in shown if item.rows])
 
 
 def _has_figures(row: Sequence[str]) -> bool:
@@ -156,7 +142,7 @@ def _has_figures(row: Sequence[str]) -> bool:
 
 
 def parser() -> argparse.ArgumentParser:
-    """What the command takes."""
+    """The arguments of the command."""
     found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.trajectories"))
     found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
     found.add_argument(
@@ -168,20 +154,15 @@ def parser() -> argparse.ArgumentParser:
 def main() -> None:
     """Run all parts, or those that are named, and write their tables."""
     chosen = parser().parse_args()
-    data = os.environ.get("PGM_PLACES_DATA")
-    if not data:
+    if not os.environ.get("PGM_PLACES_DATA"):
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
-    building, kept = load_building79(Path(data)), KeptText(chosen.kept)
+    kept = KeptText(chosen.kept)
     parts: Mapping[str, Callable[[], str]] = {
-        "beams": lambda: places_table(building),
-        "methods": lambda: methods_table("building79.toml"),
-        "prior": lambda: map_prior_table(building),
-        "graphs": lambda: graphs_table(kept),
-        "categories": lambda: categories_table(building),
+        "methods": lambda: kept.text("methods", lambda: methods_table("building79.toml")),
+        "graphs": lambda: graphs_shown(kept.text("graphs", lambda: graphs_table(kept))),
     }
     for name in chosen.parts or TABLES:
-        text = shown(name, kept.text(name, parts[name]))
-        show_table(name, text, write=chosen.write_docs)
+        show_table(name, parts[name](), write=chosen.write_docs)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import pgm_places
-from experiments.pictures import layers
 from pgm_places.models import list_training
 from pgm_places.models.boosting_rounds import boosted
 
@@ -114,10 +113,6 @@ def test_the_api_page_lists_modules_that_exist_once_each_and_solvers_last() -> N
     assert solvers == modules[-len(solvers) :]
     for name in modules:
         import_module(name)
-
-
-def test_the_diagram_of_the_layers_is_drawn_from_the_contract_that_is_checked() -> None:
-    assert (ROOT / "docs/_static/layers.svg").read_text(encoding="utf-8") == layers.drawn()
 
 
 def test_the_paths_on_the_page_for_developers_exist() -> None:

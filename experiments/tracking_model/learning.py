@@ -1,13 +1,13 @@
 """What the drives teach: the list of trees, and how a robot moves between places."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.known_maps import DRAWN, GENERATED, NAMES, SIMULATED
+from experiments.known_maps import NAMES
 from experiments.tracking_model.drives import BEAMS, EVERY_M, SENSOR, Observed
 from pgm_places.features.custom import feature_values
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
@@ -26,7 +26,7 @@ OPTIONS: dict[str, Any] = {
     "feature_share": 0.25,
     "prior_weight": 0.5,
 }
-"""Of the list of trees, chosen on buildings left out (``options.py``)."""
+"""Of the list of trees, chosen on buildings left out."""
 
 
 METHOD = SemiMarkovModel(observation="soft", evidence_weight="fitted")
@@ -82,11 +82,6 @@ def columns(drive: Observed) -> NDArray[np.float32]:
     return np.concatenate([laser, drive.spaces], axis=1)
 
 
-def classifier(**changes: Any) -> DecisionListClassifier:
-    """The unfitted list of trees."""
-    return DecisionListClassifier(order=RAREST_FIRST, **(OPTIONS | changes))
-
-
 def folds(drives: Sequence[Observed], n_folds: int = N_FOLDS) -> NDArray[np.int64]:
     """(D,) fold of each drive by its building, the kinds spread evenly; -1 if generated."""
     first = {item.building: item.group for item in reversed(drives) if not item.generated}
@@ -95,26 +90,7 @@ def folds(drives: Sequence[Observed], n_folds: int = N_FOLDS) -> NDArray[np.int6
     return np.array([-1 if item.generated else number[item.building] for item in drives], np.int64)
 
 
-Composition = Callable[[Sequence[Observed]], NDArray[np.int64]]
-"""(D,) the domain of each drive, -1 for none: the list is the mean of those without one domain."""
-
-
-def by_source(drives: Sequence[Observed]) -> NDArray[np.int64]:
-    """(D,) the domain of each drive by where its map comes from; maps of real robots have none."""
-    sources = [item.group.rpartition(", ")[2] for item in drives]
-    return np.array(
-        [_SOURCES.index(name) if name in _SOURCES else -1 for name in sources], np.int64
-    )
-
-
-_SOURCES = (DRAWN, SIMULATED, GENERATED)
-
-
-def learned(
-    table: Table,
-    unfitted: DecisionListClassifier | None = None,
-    composition: Composition | None = None,
-) -> Learned:
+def learned(table: Table) -> Learned:
     """The list learned from all drives of a table, its scores held out by building."""
     buildings = list(dict.fromkeys(item.building for item in table.drives))
     sizes = [len(item.labels) for item in table.drives]
@@ -123,11 +99,9 @@ def learned(
         np.concatenate(table.features),
         np.concatenate([item.labels for item in table.drives]),
         np.repeat(fold, sizes).astype(np.int64),
-        None if composition is None else np.repeat(composition(table.drives), sizes),
     )
     examples = ListExamples(rows, (), tuple(np.arange(size) for size in sizes))
-    labeler = TrajectoryLabeler(
-        NAMES, sensor=SENSOR, beams=BEAMS, classifier=unfitted or classifier()
-    )
+    classifier = DecisionListClassifier(order=RAREST_FIRST, **OPTIONS)
+    labeler = TrajectoryLabeler(NAMES, sensor=SENSOR, beams=BEAMS, classifier=classifier)
     model, scores = learn_list(labeler, examples)
     return Learned(model, examples, scores, table)

@@ -10,19 +10,10 @@ from numpy.typing import NDArray
 from experiments.kept import KeptArrays
 from experiments.known_maps import NAMES
 from experiments.tracking_model.drives import Observed
-from experiments.tracking_model.learning import (
-    METHOD,
-    N_FOLDS,
-    Composition,
-    Learned,
-    Table,
-    folds,
-    learned,
-)
+from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table, folds, learned
 from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of_79
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.labelers.trajectory_labeler import METHOD as HMM
-from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.unary.floor_model import FloorModel, with_local_floor
 
 WAYS = {
@@ -47,11 +38,12 @@ class Answer(NamedTuple):
     labels: Mapping[str, NDArray[np.int64]]
 
 
-def answers(found: Learned, drives: Sequence[Observed], ways: Sequence[str]) -> Iterator[Answer]:
-    """What a list and methods that learned with it say of drives that they have not seen."""
-    fitted = {id(WAYS[way][0]): found.labeler(WAYS[way][0]) for way in ways}
+def answers(found: Learned, drives: Sequence[Observed]) -> Iterator[Answer]:
+    """Held-out drives, labelled by a list and by methods that learned with it."""
+    fitted = {id(method): found.labeler(method) for method in (HMM, METHOD)}
     labelers = {
-        way: fitted[id(WAYS[way][0])].with_options(method__mode=WAYS[way][1]) for way in ways
+        way: fitted[id(method)].with_options(method__mode=mode)
+        for way, (method, mode) in WAYS.items()
     }
     both = FloorModel((), share=SHARE, doorway_share=SHARE)
     for drive in drives:
@@ -64,18 +56,13 @@ def answers(found: Learned, drives: Sequence[Observed], ways: Sequence[str]) -> 
         yield Answer(drive, labels)
 
 
-def floor_answers(
-    table: Table,
-    unfitted: DecisionListClassifier | None = None,
-    ways: Sequence[str] = tuple(WAYS),
-    composition: Composition | None = None,
-) -> Iterator[Answer]:
+def floor_answers(table: Table) -> Iterator[Answer]:
     """Every simulated drive, labelled by a model that saw no drive through its building."""
     fold = folds(table.drives)
     for number in range(N_FOLDS):
-        found = learned(table.only(fold != number), unfitted, composition)
+        found = learned(table.only(fold != number))
         print(f"fold {number}", flush=True)
-        yield from answers(found, table.only(fold == number).drives, ways)
+        yield from answers(found, table.only(fold == number).drives)
 
 
 def merged(
@@ -156,7 +143,6 @@ def real_table(
     table: Table,
     data: Path,
     kept: KeptArrays,
-    unfitted: DecisionListClassifier | None = None,
     networks: Mapping[str, FloorModel] | None = None,
 ) -> str:
     """Drives of real robots: the COLD campaign with one town left out, and the log of building 79.
@@ -168,14 +154,13 @@ def real_table(
     lines = [f"| drives | {HEAD}", RULE]
     for town, building in TOWNS.items():
         floor = None if networks is None else networks[building]
-        found = learned(table.only([item.building != building for item in table.drives]), unfitted)
-        ways = tuple(WAYS)
-        some = list(answers(found, list(cold_drives(data, town, kept, floor)), ways))
+        found = learned(table.only([item.building != building for item in table.drives]))
+        some = list(answers(found, list(cold_drives(data, town, kept, floor))))
         lines.append(_row(f"COLD {building.split()[0]}, simulated front laser", some))
         if town == "saarbrucken":
             lines.append(_row("the same without the lobby", some, in_lobby))
             lines.append(_row("the lobby alone", some, lambda drive: ~in_lobby(drive)))
         else:
-            log = list(answers(found, [log_of_79(data, kept, floor)], ways))
+            log = list(answers(found, [log_of_79(data, kept, floor)]))
             lines.append(_row("log of building 79, real front laser", log))
     return "\n".join(lines)

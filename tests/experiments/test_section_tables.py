@@ -1,11 +1,10 @@
 import pytest
 
 from experiments import __main__ as experiments
-from experiments import trajectories
-from experiments.drives.methods import CHAIN, JOINT, LOOPS
 from experiments.page_tables import marks, parsed_tables, with_table
 from experiments.paper.section import Finding, Section, Table
 from experiments.section_tables import paper_table, section_tables
+from experiments.trajectories import CHAIN, JOINT, LOOPS, graphs_shown
 
 KEPT = dict(experiments.kept_tables())
 
@@ -40,6 +39,6 @@ def test_a_method_for_chains_alone_has_no_row_among_other_graphs() -> None:
         f"| drives | method | {' | '.join(graphs)} |\n"
         "|---|---|---|---|---|\n| log | filter | 1 | - | - |\n| log | potts | 2 | 3 | - |\n"
     )
-    chain, loops = parsed_tables(trajectories.shown("graphs", text))
+    chain, loops = parsed_tables(graphs_shown(text))
     assert chain.rows == (("filter", "1"), ("potts", "2"))
     assert loops.rows == (("potts", "3"),)

@@ -8,7 +8,7 @@ import pytest
 from experiments.kept import KeptArrays
 from experiments.known_maps import GENERATED, NAMES, KnownMap
 from experiments.tracking_model.drives import Laser, Observed, simulated_drive
-from experiments.tracking_model.learning import Table, by_source, folds, learned
+from experiments.tracking_model.learning import Table, folds, learned
 from experiments.tracking_model.real_drives import in_lobby
 from experiments.tracking_model.unseen import ALONE, WAYS, Answer, floors_table, lasers_table
 from pgm_places.maps.labelled_map import LabelledMap
@@ -50,12 +50,6 @@ def test_drives_of_a_building_are_held_out_together() -> None:
     made = [drive(name, [0]) for name in "xyzwvx"]
     found = folds(made, 2)
     assert found[0] == found[-1] and set(found.tolist()) == {0, 1}
-
-
-def test_maps_of_real_robots_have_no_domain() -> None:
-    kinds = ("office, drawn", "school, simulated SLAM", "home, generated", "COLD, real SLAM")
-    found = by_source([drive("x", [0], group=kind) for kind in kinds])
-    assert found.tolist() == [0, 1, 2, -1]
 
 
 def test_tables_count_the_steps_of_each_kind_and_laser() -> None:

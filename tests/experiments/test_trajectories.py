@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from experiments.drives.kept_text import KeptText
+from experiments.trajectories import KeptText
 
 
 def test_a_text_is_made_once_where_there_is_a_folder(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from experiments.routes import cell_lengths, ratios, where_it_fits
 from pgm_places._core import (
     cover_cells,
     leave_out_nodes,
@@ -28,6 +27,7 @@ from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.real_data import real_data_folder
+from tests.reference.route_lengths import cell_lengths, ratios, where_it_fits
 from tests.reference.routes import (
     covering_cells,
     meet,
@@ -293,7 +293,7 @@ def test_the_lengths_compared_with_are_those_over_cells() -> None:
         OccupancyGrid(np.zeros((1, 8), np.int8), 0.5), np.array([[1] * 4 + [0] * 4]), NAMES
     )
     points = np.array([(0.25, 0.25), (3.75, 0.25)])
-    assert cell_lengths(topology, 0.2, points[:1], points).tolist() == [[0.0, pytest.approx(3.5)]]
+    assert cell_lengths(topology, 0.2, points)[0].tolist() == [0.0, pytest.approx(3.5)]
 
 
 @pytest.mark.real_data

@@ -1,1 +1,0 @@
-"""Every method on the same drives, from configuration files."""

@@ -1,1 +1,0 @@
-"""The pictures of the documentation, drawn from generated maps and from data of the libraries."""
