@@ -1,4 +1,4 @@
-"""Alterations of training floors: doors across passages, shelves, and rooms mapped alone."""
+"""Alterations of training floors: passage doors, furniture in rows, coarse cells, grey walls."""
 
 from typing import NamedTuple
 
@@ -145,29 +145,101 @@ def _rooms(piece: Piece, least_cells: int) -> list[NDArray[np.bool_]]:
     return [part == k for k in range(1, n) if stats[k, cv2.CC_STAT_AREA] > least_cells]
 
 
+class _Lattice(NamedTuple):
+    """The narrowest rectangle around a room, almost along its walls, in (x, y)."""
+
+    middle: Point
+    wide: float
+    high: float
+    axes: NDArray[np.float64]
+    degrees: float
+
+    @classmethod
+    def of(cls, room: NDArray[np.bool_], rng: np.random.Generator) -> "_Lattice":
+        points = np.argwhere(room)[:, ::-1].astype(np.float32)
+        (x, y), (wide, high), angle = cv2.minAreaRect(points)
+        if rng.random() < 0.5:
+            wide, high, angle = high, wide, angle + 90
+        turn = np.radians(angle + rng.normal() * 1.5)
+        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        return cls(np.array([x, y]), wide, high, axes, float(np.degrees(turn)))
+
+
 def _fill(piece: Piece, room: NDArray[np.bool_], rng: np.random.Generator) -> None:
     """Shelves on a lattice, along the longer side of the room's narrowest rectangle or across."""
-    points = np.argwhere(room)[:, ::-1].astype(np.float32)
-    (x, y), (wide, high), angle = cv2.minAreaRect(points)
-    if rng.random() < 0.5:
-        wide, high, angle = high, wide, angle + 90
+    origin, wide, high, axes, degrees = _Lattice.of(room, rng)
     thick, aisle = rng.uniform(4, 14), rng.uniform(7, 25)
     long, gap = rng.uniform(15, 80), rng.uniform(6, 20)
-    turn = np.radians(angle + rng.normal() * 1.5)
-    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     shelves = np.zeros_like(piece.labels)
     for b in np.arange(-high / 2 + aisle, high / 2 - aisle, thick + aisle):
         for a in np.arange(-wide / 2 + gap, wide / 2 - gap, long + gap):
             if rng.random() < 0.15:
                 continue
             length = min(long, wide / 2 - gap / 2 - a)
-            middle = np.array([x, y]) + (a + length / 2) * axes[0] + (b + thick / 2) * axes[1]
-            _rectangle(shelves, middle, (max(length, 1), thick), np.degrees(turn))
+            middle = origin + (a + length / 2) * axes[0] + (b + thick / 2) * axes[1]
+            _rectangle(shelves, middle, (max(length, 1), thick), degrees)
     doors = (piece.labels == DOORWAY).astype(np.uint8)
     there = (shelves > 0) & room & (cv2.dilate(doors, np.ones((17, 17), np.uint8)) == 0)
     rim = there & (cv2.erode(there.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
     piece.occupied[there if rng.random() < 0.4 else rim] = 255
     piece.block(there, seen=False)
+
+
+def put_up_desks(piece: Piece, rng: np.random.Generator) -> None:
+    """Groups of desks and partitions in large rooms, as in open-plan offices.
+
+    A robot's laser sees desks as legs, as boxes, or as the screens between them.
+    """
+    for room in _rooms(piece, 4000):
+        if rng.random() < 0.7:
+            _fill_with_desks(piece, room, rng)
+
+
+def _fill_with_desks(piece: Piece, room: NDArray[np.bool_], rng: np.random.Generator) -> None:
+    """Desks in pairs on a lattice along the room's narrowest rectangle, all drawn in one way."""
+    origin, wide, high, axes, degrees = _Lattice.of(room, rng)
+    long, deep = rng.uniform(12, 20), rng.uniform(14, 18)
+    aisle, gap = rng.uniform(10, 25), rng.uniform(0, 12)
+    drawn_as = rng.choice(["legs", "boxes", "screens"])
+    desks = np.zeros_like(piece.labels)
+    for b in np.arange(-high / 2 + aisle, high / 2 - aisle, deep + aisle):
+        for a in np.arange(-wide / 2 + aisle, wide / 2 - aisle, long + gap):
+            if rng.random() < 0.2:
+                continue
+            middle = origin + a * axes[0] + b * axes[1]
+            if drawn_as == "legs":
+                for side in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+                    leg = middle + (np.array(side) * (long, deep) / 2) @ axes
+                    _rectangle(desks, leg, (1, 1), degrees)
+            else:
+                thick = deep if drawn_as == "boxes" else 1
+                _rectangle(desks, middle, (long, thick), degrees)
+    doors = (piece.labels == DOORWAY).astype(np.uint8)
+    desks[cv2.dilate(doors, np.ones((13, 13), np.uint8)) > 0] = 0
+    piece.block((desks > 0) & room)
+
+
+def coarsen(piece: Piece, rng: np.random.Generator) -> None:
+    """Cells of 0.1 or 0.2 m instead of smaller ones: free or not, and walls a whole cell thick."""
+    piece.free[:] = np.where((piece.free > 127) & (piece.occupied == 0), 255, 0)
+    if rng.random() < 0.5:
+        piece.occupied[::2, ::2] = np.maximum.reduce(
+            [piece.occupied[i::2, j::2] for i in (0, 1) for j in (0, 1)]
+        )
+        for values in piece:
+            values[:] = np.repeat(np.repeat(values[::2, ::2], 2, axis=0), 2, axis=1)
+        piece.free[piece.occupied > 0] = 0
+
+
+def grey_walls(piece: Piece, rng: np.random.Generator) -> None:
+    """Walls, all or in one part, too uncertain to count as occupied: unknown cells."""
+    unsure = np.ones(piece.occupied.shape, np.bool_)
+    if rng.random() < 0.5:
+        y, x = rng.integers(0, unsure.shape[0], size=2)
+        unsure[:y, :x] = False
+    seen_again = rng.random(unsure.shape) < rng.choice([0.0, 0.2, 0.5])
+    piece.block((piece.occupied > 0) & unsure & ~seen_again, seen=False)
+    piece.occupied[unsure & ~seen_again] = 0
 
 
 def leave_one_room(piece: Piece, rng: np.random.Generator) -> None:

@@ -14,8 +14,11 @@ from pgm_places.training.alterations import (
     ROOM,
     Bytes,
     Piece,
+    coarsen,
+    grey_walls,
     hang_passage_doors,
     leave_one_room,
+    put_up_desks,
     put_up_shelves,
 )
 
@@ -215,10 +218,13 @@ _ALTERATIONS = (
     (0.5, False, _close_doors),
     (0.5, True, _furnish),
     (0.3, True, put_up_shelves),
+    (0.3, True, put_up_desks),
     (0.05, False, leave_one_room),
     (0.35, False, _shine_through_windows),
     (0.4, False, _hide),
     (0.3, False, _speckle),
+    (0.15, False, coarsen),
+    (0.08, False, grey_walls),
 )
 """Alterations in their order: probability, and whether only for floors without furniture."""
 

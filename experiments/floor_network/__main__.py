@@ -26,6 +26,9 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("step", choices=STEPS)
     parser.add_argument("--kept", type=Path, required=True, help="folder of floors and networks")
     parser.add_argument("--steps", type=int, default=4200, help="steps of training for each fold")
+    parser.add_argument(
+        "--continued", action="store_true", help="start from the shipped networks of the same folds"
+    )
     parser.add_argument("--folds", type=int, nargs="*", default=[0, 1, 2, 3])
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), metavar=("I", "N"))
     given = parser.parse_args(argv)
@@ -39,7 +42,7 @@ def main(argv: list[str] | None = None) -> None:
     elif given.step == "train":
         from experiments.floor_network.training import train
 
-        train(data, given.kept, given.folds, given.steps, progress)
+        train(data, given.kept, given.folds, given.steps, progress, continued=given.continued)
     elif given.step == "measure":
         from experiments.floor_network.held_out import measure
 

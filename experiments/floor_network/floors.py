@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.known_maps import GENERATED_STYLES, NAMES, WITH_HALLS, KnownMap, real_maps
+from experiments.robot_maps.catalogue import declared
 from pgm_places.io.atomic import atomic_file
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
@@ -18,26 +19,6 @@ from pgm_places.spaces.door_truth import true_doors
 from pgm_places.training.labelled_raster import labelled_raster
 
 N_FOLDS = 4
-SAME_BUILDING = {
-    name: group
-    for group in (
-        "hospital_aws hospital_pal",
-        "corridor_uma lab_uma",
-        "lab_stmobo hallway_stmobo",
-        "floor_uom hallway_uom lab_hv",
-        "house_aws bookstore_aws warehouse_aws",
-        "arena_clf arena_nagoya",
-        "office_willow offices_willow",
-        "school_fontys office_fontys",
-        "corridor_fansaorz lab_fansaorz_final lab_fansaorz_desks",
-        "campus_hgutool corridor_hgubase school_hguoh",
-        "corridor_dgaze hall_dkan",
-        "lab_dingo corridor_dingo",
-    )
-    for name in group.split()
-}
-"""Robots' maps of one building, or of one maker's worlds."""
-
 SINGLE_SPACES = (
     "arena_multifloor",
     "bookstore_aws",
@@ -153,6 +134,7 @@ def all_floors(data: Path) -> Iterator[Floor]:
 
 
 def _robots(data: Path) -> Iterator[Floor]:
+    maps = declared()
     for folder in sorted((data / "robots").iterdir()):
         if not (folder / "map.yaml").exists():
             continue
@@ -163,7 +145,7 @@ def _robots(data: Path) -> Iterator[Floor]:
             labels = load_labels(folder / "labels.png", WITH_HALLS.names, grid=grid)
             return _deepened(LabelledMap(grid, labels, None, folder.name))
 
-        building = SAME_BUILDING.get(name, name)
+        building = maps[name].building
         yield Floor(f"robot_{name}", "robot", building, UNSURE.get(name, 1.0), load)
 
 
@@ -211,12 +193,12 @@ def _robot_copy(plan: Floor, seed: int, source: str, options: MapSimulation = RO
 
 
 def fold_of(floors: list[Floor]) -> dict[str, int]:
-    """The fold of each building: generated kinds by table, others in turn within their source."""
-    found = {kind: k for k, kinds in enumerate(KINDS_TOGETHER) for kind in kinds}
-    for source in ("real", "drawn", "robot"):
-        names = sorted({each.building for each in floors if each.source == source} - set(found))
-        found |= {name: number % N_FOLDS for number, name in enumerate(names)}
-    return found
+    """The fold of each building: by table, or in turn within its source."""
+    folds = {kind: k for k, kinds in enumerate(KINDS_TOGETHER) for kind in kinds}
+    for source in ("real", "drawn"):
+        names = sorted({each.building for each in floors if each.source == source} - set(folds))
+        folds |= {name: number % N_FOLDS for number, name in enumerate(names)}
+    return folds | {known.building: known.fold for known in declared().values()}
 
 
 def network_file(kept: Path, fold: int) -> Path:

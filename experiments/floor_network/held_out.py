@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.floor_network.floors import N_FOLDS, all_floors, fold_of, network_file
+from experiments.floor_network.floors import N_FOLDS, network_file
 from experiments.floor_network.sheets import LabelledPair, write_sheets
-from experiments.robot_maps.catalogue import declared, robot_maps, trained_maps
+from experiments.robot_maps.catalogue import declared, robot_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
 from experiments.robot_maps.sources import Source
 from pgm_places import save, trained_labeler
@@ -59,42 +59,30 @@ def with_networks(
     return found
 
 
-def shipped_without(data: Path) -> Callable[[str], PlaceLabeler]:
+def shipped_without() -> Callable[[str], PlaceLabeler]:
     """The shipped model for a map of DATA/robots, without the networks that learned its building.
 
-    A map of the training has the one network of its fold left, which sees it from eight sides, and
-    every other map all networks. The folds are those of the maps that the networks were trained on.
+    The one network that did not sees the map from eight sides.
     """
-    labeler, trained = trained_labeler(), trained_maps()
-    floors = [
-        each
-        for each in all_floors(data)
-        if each.source != "robot" or each.name.removeprefix("robot_") in trained
-    ]
-    fold = fold_of(floors)
-    building = {each.name: each.building for each in floors}
+    labeler, maps = trained_labeler(), declared()
     assert labeler.unary_model_.floor is not None  # the shipped model has networks
     alone = [
         with_networks(labeler, [network], _VIEWS_ALONE)
         for network in labeler.unary_model_.floor.networks
     ]
-    declaration = declared()
-    of_building = {declaration[name][2]: alone[fold[building[f"robot_{name}"]]] for name in trained}
-    return lambda name: of_building.get(declaration[name][2], labeler)
+    return lambda name: alone[maps[name].fold]
 
 
 def measure(data: Path, kept: Path, progress: Progress) -> None:
     """Print the figures of robots' maps by kind, each with the network of its fold."""
-    fold = fold_of(list(all_floors(data)))
-    floors = {each.name: each.building for each in all_floors(data)}
-    labeler = trained_labeler()
+    labeler, declaration = trained_labeler(), declared()
     labelers = [with_networks(labeler, [network], _VIEWS_ALONE) for network in networks(kept)]
     figures: dict[float | None, list[MapFigures]] = {depth: [] for depth in DEPTHS_M}
     pairs = []
     maps = list(robot_maps(data))
     with progress.stage("maps") as stage:
         for known, weight in maps:
-            labeler = labelers[fold[floors[f"robot_{known.item.name}"]]]
+            labeler = labelers[declaration[known.item.name].fold]
             grid = known.item.grid
             graph, scores = labeler.scores(grid, methods=[labeler.default_method])
             for depth, mine in figures.items():

@@ -12,34 +12,46 @@ import tensorflow as tf
 from experiments.floor_network.floors import Floor, all_floors, fold_of, network_file
 from pgm_places.io.atomic import atomic_file
 from pgm_places.progress import Progress
+from pgm_places.trained import trained_labeler
 from pgm_places.training.crops import LabelledFloor, batch
 from pgm_places.training.network_learning import BATCH, Batch, Trainer, fresh
 
 SHARES = {
-    "robot": 0.20,
+    "robot": 0.28,
     "real": 0.08,
     "drawn": 0.12,
-    "simulated": 0.18,
-    "generated": 0.10,
-    "generated-robot": 0.12,
-    "effects": 0.20,
+    "simulated": 0.16,
+    "generated": 0.08,
+    "generated-robot": 0.10,
+    "effects": 0.18,
 }
 """How often a piece is cut from floors of each source."""
 
 _ROUND = 250
 """Steps between two files, and from one fold to the next."""
 
-_FASTEST, _SLOWEST = 2e-3, 1e-5
+_FASTEST, _CONTINUED, _SLOWEST = 2e-3, 5e-4, 1e-5
+"""First rates of learning, from random parameters and from the shipped networks, and the last."""
+
 _LEAST_LABELLED = 200
 
 
-def train(data: Path, kept: Path, folds: Sequence[int], n_steps: int, progress: Progress) -> None:
-    """Train until every fold has had so many steps; the rate falls along half a cosine."""
+def train(
+    data: Path,
+    kept: Path,
+    folds: Sequence[int],
+    n_steps: int,
+    progress: Progress,
+    *,
+    continued: bool = False,
+) -> None:
+    """Train each fold for n_steps; the rate of learning falls along half a cosine."""
+    fastest = _CONTINUED if continued else _FASTEST
     cv2.setNumThreads(1)
     tf.config.threading.set_intra_op_parallelism_threads(1)
     tf.config.threading.set_inter_op_parallelism_threads(1)
     floors = list(all_floors(data))
-    trainers = {fold: _trainer(kept, fold) for fold in folds}
+    trainers = {fold: _trainer(kept, fold, continued=continued) for fold in folds}
     known: dict[str, LabelledFloor | None] = {}
     with progress.stage("training") as stage:
         while min(trainer.steps for trainer in trainers.values()) < n_steps:
@@ -49,7 +61,9 @@ def train(data: Path, kept: Path, folds: Sequence[int], n_steps: int, progress: 
                     continue
                 start = time.monotonic()
                 pieces = _pieces(floors, kept, fold, known, trainer.steps)
-                loss, accuracy = trainer.learn(pieces, n, lambda step: _rate(step / n_steps))
+                loss, accuracy = trainer.learn(
+                    pieces, n, lambda step: _rate(step / n_steps, fastest)
+                )
                 with atomic_file(network_file(kept, fold)) as part, part.open("wb") as file:
                     np.savez(file, **trainer.state())
                 seconds = (time.monotonic() - start) / n
@@ -58,16 +72,17 @@ def train(data: Path, kept: Path, folds: Sequence[int], n_steps: int, progress: 
                 stage.update(done, f"fold {fold}: loss {loss:.3f}, {100 * accuracy:.1f} % right")
 
 
-def _trainer(kept: Path, fold: int) -> Trainer:
+def _trainer(kept: Path, fold: int, *, continued: bool) -> Trainer:
     path = network_file(kept, fold)
     if not path.exists():
-        return Trainer(fresh(fold + 1))
+        floor = trained_labeler().unary_model_.floor if continued else None
+        return Trainer(fresh(fold + 1) if floor is None else floor.networks[fold].weights)
     with np.load(path, allow_pickle=False) as file:
         return Trainer({name: file[name] for name in file.files})
 
 
-def _rate(share: float) -> float:
-    return _SLOWEST + (_FASTEST - _SLOWEST) * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
+def _rate(share: float, fastest: float) -> float:
+    return _SLOWEST + (fastest - _SLOWEST) * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
 
 
 def _note(kept: Path, fold: int, step: int, loss: float, accuracy: float, seconds: float) -> None:

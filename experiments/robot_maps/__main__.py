@@ -2,16 +2,15 @@
 
 Every map of DATA/robots is labelled by the shipped model or by ``--model``. The lists of the
 shipped model never saw these buildings, its networks saw some: ``--lists-alone`` does without
-networks, ``--held-out`` leaves out those that learned the building of a map, and ``--maps unseen``
-measures the maps whose building is in no training. ``--maps floors`` and ``--maps real`` measure
-the drawn floors and the other real maps, which the shipped model has learned from. Halls count as
-corridors; the next column leaves out the cells that are halls in truth. ``--evidence MODULE:NAME``
-puts log-probabilities of a map's cells in the place of the model's, before the method smooths them;
-see ``experiments/robot_maps/sources.py``. The means of a kind weigh maps by how sure their labels
-are; counts of doors and spaces are sums. ``--out FILE`` keeps the figures of each map as CSV,
-``--sheets FOLDER`` draws all maps beside their truth, and ``--reliability`` prints how often cells,
-places and doors of one confidence are right. PGM_PLACES_DATA names the folder of the real maps,
-``../shared/data`` by default.
+networks, and ``--held-out`` leaves out those that learned the building of a map. ``--maps floors``
+and ``--maps real`` measure the drawn floors and the other real maps, which the shipped model has
+learned from. Halls count as corridors; the next column leaves out the cells that are halls in
+truth. ``--evidence MODULE:NAME`` puts log-probabilities of a map's cells in the place of the
+model's, before the method smooths them; see ``experiments/robot_maps/sources.py``. The means of a
+kind weigh maps by how sure their labels are; counts of doors and spaces are sums. ``--out FILE``
+keeps the figures of each map as CSV, ``--sheets FOLDER`` draws all maps beside their truth, and
+``--reliability`` prints how often cells, places and doors of one confidence are right.
+PGM_PLACES_DATA names the folder of the real maps, ``../shared/data`` by default.
 """
 
 import argparse
@@ -56,7 +55,7 @@ def main(argv: list[str] | None = None) -> None:
     if given.lists_alone:
         labeler = lists_alone(labeler)
     data = data_folder() or Path("../shared/data")
-    of_map = shipped_without(data) if given.held_out else lambda _: labeler
+    of_map = shipped_without() if given.held_out else lambda _: labeler
     maps = list(chosen_maps(data, given.maps))
     figures: list[MapFigures] = []
     pairs: list[LabelledPair] = []

@@ -1,9 +1,9 @@
 """The maps to be measured: robots' maps by kind of building, and the maps of training."""
 
 import tomllib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 from experiments.known_maps import WITH_HALLS, KnownMap, at_model_cells, real_maps
 from pgm_places.errors import ConfigError
@@ -13,43 +13,35 @@ from pgm_places.maps.labelled_map import LabelledMap
 
 KINDS = Path(__file__).parent / "kinds.toml"
 ROBOTS = "robots' maps"
-GROUPS = ("robots", "unseen", "floors", "real")
-"""What can be asked for: maps of DATA/robots, those of them whose building is in no training, drawn
-floors, and the other real maps."""
+GROUPS = ("robots", "floors", "real")
+"""Maps of DATA/robots, drawn floors, and the other real maps."""
 
 SURE = {"high": 1.0, "medium": 0.5, "low": 0.25}
 """What a map counts in the means, by how sure its labels are."""
 
 
-def declared() -> dict[str, tuple[str, float, str]]:
-    """Kind, weight and building of each map of DATA/robots, as ``kinds.toml`` declares them."""
+class Declared(NamedTuple):
+    """A map of DATA/robots as ``kinds.toml`` declares it; its weight is how sure its labels are."""
+
+    kind: str
+    weight: float
+    building: str
+    fold: int
+
+
+def declared() -> dict[str, Declared]:
+    """The maps of DATA/robots by name."""
+    with KINDS.open("rb") as file:
+        kinds = tomllib.load(file)
     return {
-        name: (kind, SURE[about["sure"]], about.get("building", name))
-        for kind, name, about in _entries()
+        name: Declared(kind, SURE[entry["sure"]], entry.get("building", name), entry["fold"])
+        for kind, maps in kinds.items()
+        for name, entry in maps.items()
     }
 
 
-def trained_maps() -> frozenset[str]:
-    """The maps of DATA/robots that the shipped networks were trained on."""
-    return frozenset(name for _, name, about in _entries() if about.get("trained", False))
-
-
-def unseen_maps() -> frozenset[str]:
-    """The maps of DATA/robots of buildings that no shipped network was trained on."""
-    about = declared()
-    trained = {about[name][2] for name in trained_maps()}
-    return frozenset(name for name, (_, _, building) in about.items() if building not in trained)
-
-
-def _entries() -> list[tuple[str, str, dict[str, Any]]]:
-    """Kind, name and entry of each map in ``kinds.toml``."""
-    with KINDS.open("rb") as file:
-        kinds = tomllib.load(file)
-    return [(kind, name, about) for kind, maps in kinds.items() for name, about in maps.items()]
-
-
-def robot_maps(data: Path, only: Collection[str] | None = None) -> Iterator[tuple[KnownMap, float]]:
-    """The maps of DATA/robots, or ``only`` some, with the shipped models' cells, and their weights.
+def robot_maps(data: Path) -> Iterator[tuple[KnownMap, float]]:
+    """The maps of DATA/robots with the shipped models' cells, and their weights.
 
     Raises
     ------
@@ -60,9 +52,7 @@ def robot_maps(data: Path, only: Collection[str] | None = None) -> Iterator[tupl
     about = declared()
     if odd := sorted(found ^ set(about)):
         raise ConfigError(f"{KINDS} and the folders of {data / 'robots'} differ in {odd[0]!r}")
-    for name, (kind, weight, building) in sorted(about.items(), key=lambda item: item[1][0]):
-        if only is not None and name not in only:
-            continue
+    for name, (kind, weight, building, _) in sorted(about.items(), key=lambda item: item[1].kind):
         grid = load_map(data / "robots" / name / "map.yaml").grid
         labels = load_labels(data / "robots" / name / "labels.png", WITH_HALLS.names, grid=grid)
         item = LabelledMap(grid, labels, None, name, building)
@@ -78,6 +68,4 @@ def training_maps(data: Path, group: str) -> Iterator[tuple[KnownMap, float]]:
 
 def chosen_maps(data: Path, group: str) -> Iterator[tuple[KnownMap, float]]:
     """The maps of one of the ``GROUPS``."""
-    if group in ("robots", "unseen"):
-        return robot_maps(data, unseen_maps() if group == "unseen" else None)
-    return training_maps(data, group)
+    return robot_maps(data) if group == "robots" else training_maps(data, group)

@@ -4,7 +4,6 @@ import pytest
 
 from experiments.floor_network.floors import KINDS_TOGETHER, N_FOLDS, all_floors, fold_of
 from experiments.known_maps import GENERATED_STYLES
-from experiments.robot_maps.catalogue import declared
 from tests.real_data import real_data_folder
 
 
@@ -16,15 +15,11 @@ def test_every_generated_kind_is_in_one_fold() -> None:
 
 
 @pytest.mark.real_data
-def test_maps_of_one_building_are_in_one_fold() -> None:
+def test_a_simulated_floor_is_in_the_fold_of_its_plan() -> None:
     floors = list(all_floors(real_data_folder("robots").parent))
     fold = fold_of(floors)
     by_name = {floor.name: fold[floor.building] for floor in floors}
     assert len(by_name) == len(floors)
-    together_in: dict[str, set[int]] = {}
-    for name, (_, _, building) in declared().items():
-        together_in.setdefault(building, set()).add(by_name[f"robot_{name}"])
-    assert {len(folds) for folds in together_in.values()} == {1}
     for floor in floors:
         if floor.source == "simulated":
             plan = floor.name.removeprefix("simulated_").rpartition("_")[0]

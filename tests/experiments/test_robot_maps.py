@@ -42,9 +42,9 @@ def truth_of(known: KnownMap) -> NDArray[np.float64]:
 def test_every_map_has_a_kind_a_weight_and_a_building() -> None:
     found = catalogue.declared()
     assert len(found) == 76
-    assert found["hospital_aws"] == ("hospitals", 1.0, "hospital")
-    assert found["lab_ecn"] == ("labs and offices", 0.25, "lab_ecn")
-    same = [name for name, (_, _, building) in found.items() if building == "uom"]
+    assert found["hospital_aws"][:3] == ("hospitals", 1.0, "hospital")
+    assert found["lab_ecn"][:3] == ("labs and offices", 0.25, "lab_ecn")
+    same = [name for name, known in found.items() if known.building == "uom"]
     assert sorted(same) == ["floor_uom", "hallway_uom", "lab_hv"]
 
 
@@ -55,7 +55,7 @@ def test_all_maps_are_read_with_the_models_cells() -> None:
     assert {weight for _, weight in found} == {1.0, 0.5, 0.25}
     assert max(known.item.grid.resolution_m for known, _ in found) <= 0.0501
     assert {known.group for known, _ in found} == {
-        f"{kind}, robots' maps" for kind, _, _ in catalogue.declared().values()
+        f"{known.kind}, robots' maps" for known in catalogue.declared().values()
     }
 
 
@@ -158,32 +158,23 @@ def test_the_command_prints_the_table(
     assert len((tmp_path / "figures.csv").read_text().splitlines()) == 2
 
 
-def test_maps_of_buildings_in_no_training_are_declared() -> None:
-    declared, trained, unseen = (
-        catalogue.declared(),
-        catalogue.trained_maps(),
-        catalogue.unseen_maps(),
-    )
-    assert (len(trained), len(unseen)) == (36, 39)
-    assert set(declared) - trained - unseen == {"office_willow"}  # its simulation was learned
-    assert {declared[name][2] for name in trained}.isdisjoint(declared[name][2] for name in unseen)
+def test_maps_of_one_building_are_in_one_fold() -> None:
+    folds: dict[str, set[int]] = {}
+    for known in catalogue.declared().values():
+        folds.setdefault(known.building, set()).add(known.fold)
+    assert {len(some) for some in folds.values()} == {1}
+    assert set.union(*folds.values()) == set(range(4))
 
 
-@pytest.mark.real_data
-def test_a_map_of_the_training_has_the_one_network_that_did_not_learn_its_building() -> None:
-    data = real_data_folder("robots").parent
-    labeler_of = shipped_without(data)
-    found = {}
-    for name in ("hospital_aws", "hospital_pal", "offices_willow", "office_willow", "home_mirte"):
+def test_a_map_has_the_one_network_that_did_not_learn_its_building() -> None:
+    labeler_of = shipped_without()
+    shipped = trained_labeler().unary_model_.floor
+    assert shipped is not None
+    for name, known in catalogue.declared().items():
         floor = labeler_of(name).unary_model_.floor
         assert floor is not None
-        found[name] = floor.networks
-    assert [len(some) for some in found.values()] == [1, 1, 1, 1, 4]
-    for one, other in (("hospital_aws", "hospital_pal"), ("offices_willow", "office_willow")):
-        assert weights(found[one][0]) == weights(found[other][0])
-    of_all = [weights(network) for network in found["home_mirte"]]
-    assert len(set(of_all)) == 4
-    assert weights(found["hospital_aws"][0]) in of_all
+        assert len(floor.networks) == 1
+        assert weights(floor.networks[0]) == weights(shipped.networks[known.fold])
 
 
 def weights(network: FloorNetwork) -> bytes:

@@ -6,8 +6,11 @@ import pytest
 pytest.importorskip("cv2")
 from pgm_places.training.alterations import (
     Piece,
+    coarsen,
+    grey_walls,
     hang_passage_doors,
     leave_one_room,
+    put_up_desks,
     put_up_shelves,
 )
 
@@ -60,6 +63,45 @@ def test_aisles_between_shelves_stay_room(seed: int) -> None:
     assert 0.05 < shelves.mean() < 0.8
     assert set(np.unique(labels[free > 0])) == {ROOM}
     assert (labels[free == 0] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_space_between_desks_stays_room(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(8):  # a room is left empty at times
+        free, occupied, labels = piece = _floor(ROOM, 120, 200)
+        put_up_desks(piece, rng)
+        if (free[100:220, 60:260] == 0).any():
+            break
+    desks = free[100:220, 60:260] == 0
+    assert 0.001 < desks.mean() < 0.6
+    assert (occupied[100:220, 60:260][desks] == 255).all()
+    assert set(np.unique(labels[free > 0])) == {ROOM}
+    assert (labels[free == 0] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_coarse_cells_are_free_or_not_and_keep_walls_closed(seed: int) -> None:
+    piece = _floor(ROOM, 60, 60)
+    piece.wall(np.array([135.0, 135.0]), np.array([180.0, 171.0]), np.random.default_rng(0))
+    before = piece.occupied.copy()
+    coarsen(piece, np.random.default_rng(seed))
+    free, occupied, _ = piece
+    assert set(np.unique(free)) == {0, 255}
+    assert (occupied[before > 0] == 255).all()
+    assert (free[occupied > 0] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_grey_walls_are_neither_free_nor_occupied(seed: int) -> None:
+    free, occupied, labels = piece = _floor(ROOM, 60, 60)
+    was_wall, was_free = occupied > 0, free > 0
+    grey_walls(piece, np.random.default_rng(seed))
+    assert (occupied[was_wall] == 0).any()
+    assert not occupied[~was_wall].any()
+    assert not free[was_wall].any()
+    assert (free[was_free] > 0).all()
+    assert (labels[was_free] == ROOM).all()
 
 
 def test_small_rooms_have_no_shelves() -> None:
