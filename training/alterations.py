@@ -235,7 +235,7 @@ def grey_walls(piece: Piece, rng: np.random.Generator) -> None:
     """Walls, all or in one part, too uncertain to count as occupied: unknown cells."""
     unsure = np.ones(piece.occupied.shape, np.bool_)
     if rng.random() < 0.5:
-        y, x = rng.integers(0, unsure.shape[0], size=2)
+        y, x = rng.integers(0, len(unsure), size=2)
         unsure[:y, :x] = False
     seen_again = rng.random(unsure.shape) < rng.choice([0.0, 0.2, 0.5])
     piece.block((piece.occupied > 0) & unsure & ~seen_again, seen=False)
