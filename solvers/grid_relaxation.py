@@ -22,12 +22,23 @@ from pgm_places.solvers.relaxation import OnIteration, Relaxed
 # Cells of a row that are stored together: a cache line of float32, one to four vectors.
 BLOCK = 16
 
-CELLS_PER_PART = 16_384
 MAX_PARTS = 64  # bounds the copied edge rows of parts
-NODES_AT_ONCE = 131_072  # while filling and reading the store: bounds the temporary arrays
-PARTS_AT_ONCE = 16  # read before their memory is released
 
 _Cells: TypeAlias = NDArray[np.int32] | MaskCells
+
+
+class BlockSizes(NamedTuple):
+    """How the work is divided."""
+
+    cells_per_part: int = 16_384
+    nodes_at_once: int = 131_072
+    """While filling and reading the store: bounds the temporary arrays."""
+    parts_at_once: int = 16
+    """Read before their memory is released."""
+    parts_per_thread: int = relaxation.PARTS_PER_THREAD
+
+
+_BLOCKS = BlockSizes()
 
 
 class _Store(NamedTuple):
@@ -104,6 +115,7 @@ def relax_grid(
     max_iterations: int = 50,
     tolerance: float = 1e-4,
     on_iteration: OnIteration | None = None,
+    _blocks: BlockSizes = _BLOCKS,
 ) -> Relaxed:
     """Relaxed beliefs of the cells of a raster; the same bits for any thread count.
 
@@ -145,16 +157,17 @@ def relax_grid(
         raise InputError(f"compatibility must hold 1 or {len(DIRECTIONS)} tables, got {len(r)}")
     one_table = len(r) == 1
     tables, ratio = _weighted(r, diagonal_weight)
-    rows = _lay_out(cells, shape)
-    parts = _split(rows)
+    rows = _lay_out(cells, shape, _blocks.nodes_at_once)
+    parts = _split(rows, _blocks.cells_per_part)
     n_parts = len(parts) - 1
-    codes = _codes(walls, cells, shape, rows, by_direction=not one_table)
-    beliefs = _fill(table, cells, rows, floor)
+    at_once = _blocks.nodes_at_once
+    codes = _codes(walls, cells, shape, rows, at_once, by_direction=not one_table)
+    beliefs = _fill(table, cells, rows, floor, at_once)
     store = _Store(beliefs.array, codes, rows.row_start, rows.span_start, rows.spans, parts)
     rule = _Update(tables, ratio, np.float32(damping))
     edges = _edges(store, n_labels, rows.longest)
     results = np.zeros((n_parts, relaxation.SUMS))
-    threads = relaxation.useful_threads(n_parts)
+    threads = relaxation.useful_threads(n_parts, _blocks.parts_per_thread)
     groups = relaxation.thread_groups(n_parts, threads)
     ahead = [np.zeros((3, n_labels, rows.longest), np.float32) for _ in groups]
     calls = [
@@ -164,7 +177,7 @@ def relax_grid(
         ]
         for turn in (edges, edges[::-1])
     ]
-    read, limits = partial(_read, beliefs, cells, rows), (max_iterations, tolerance)
+    read, limits = partial(_read, beliefs, cells, rows, _blocks), (max_iterations, tolerance)
     last = partial(read, last=True)
     return relaxation.repeat(
         calls, results, threads, table.shape, lambda _: read(), *limits, on_iteration, last
@@ -206,10 +219,10 @@ def _weighted(
     return tables.astype(np.float32), np.float32(diagonal_weight)
 
 
-def _lay_out(cells: _Cells, shape: tuple[int, int]) -> _Rows:
+def _lay_out(cells: _Cells, shape: tuple[int, int], nodes_at_once: int) -> _Rows:
     height, width = shape
     used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
-    for part in row_blocks(len(cells), NODES_AT_ONCE):
+    for part in row_blocks(len(cells), nodes_at_once):
         row, column = cells[part].T
         used[row + 1, column // BLOCK + 1] = True
     tall = used.copy()
@@ -239,7 +252,7 @@ def _runs(
 
 
 def _fill(
-    unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float
+    unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float, nodes_at_once: int
 ) -> MappedPlanes:
     """The store (K, M) with the initial beliefs."""
     store = MappedPlanes((unary.shape[1], rows.n_cells), np.float32)
@@ -248,19 +261,19 @@ def _fill(
         beliefs = relaxation.starting_beliefs(unary[part], floor=floor, first_node=part.start)
         _core.place_beliefs(beliefs, cells[part], rows.index, store.array)
 
-    run_parts(fill, len(cells), NODES_AT_ONCE)
+    run_parts(fill, len(cells), nodes_at_once)
     return store
 
 
 def _read(
-    store: MappedPlanes, cells: _Cells, rows: _Rows, *, last: bool = False
+    store: MappedPlanes, cells: _Cells, rows: _Rows, blocks: BlockSizes, *, last: bool = False
 ) -> NDArray[np.float32]:
     """(N, K) the beliefs; at the last call the store is released row by row if cells are sorted."""
     beliefs = np.empty((len(cells), len(store.array)), np.float32)
-    parts = list(row_blocks(len(cells), NODES_AT_ONCE))
+    parts = list(row_blocks(len(cells), blocks.nodes_at_once))
     done = 0
-    for first in range(0, len(parts), PARTS_AT_ONCE):
-        some = parts[first : first + PARTS_AT_ONCE]
+    for first in range(0, len(parts), blocks.parts_at_once):
+        some = parts[first : first + blocks.parts_at_once]
 
         def read(task: int, some: list[slice] = some) -> None:
             part = some[task]
@@ -280,6 +293,7 @@ def _codes(
     cells: _Cells,
     shape: tuple[int, int],
     rows: _Rows,
+    nodes_at_once: int,
     *,
     by_direction: bool,
 ) -> NDArray[np.uint8]:
@@ -291,15 +305,15 @@ def _codes(
                 f"walls must be a boolean raster of shape {shape}, got {walls.shape} {walls.dtype}"
             )
         walls = np.ascontiguousarray(walls)
-        for part in row_blocks(len(cells), NODES_AT_ONCE):
+        for part in row_blocks(len(cells), nodes_at_once):
             _core.code_walls(walls, cells[part], rows.index, by_direction, codes)
     return codes
 
 
-def _split(rows: _Rows) -> NDArray[np.int64]:
+def _split(rows: _Rows, cells_per_part: int) -> NDArray[np.int64]:
     """First rows of parts of equal work; depends on the raster, not on the number of threads."""
     height = len(rows.row_start) - 3
-    n_parts = int(np.clip(rows.n_cells // CELLS_PER_PART, 1, MAX_PARTS))
+    n_parts = int(np.clip(rows.n_cells // cells_per_part, 1, MAX_PARTS))
     wanted = np.linspace(0, rows.n_cells, n_parts + 1)[1:-1]
     cuts = np.searchsorted(rows.row_start[1 : height + 1], wanted) + 1
     return np.unique(np.concatenate([[1], cuts, [height + 1]])).astype(np.int64)

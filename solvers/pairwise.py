@@ -1,5 +1,6 @@
 """The pairwise model: checked unary and pairwise log-potentials on a graph."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -180,7 +181,9 @@ def pairwise_model(
     return _with_agreement(around, nodes, reward)
 
 
-def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def label_distances(
+    tables: NDArray[np.float64], _fewest: Mapping[float, int] = FEWEST_LABELS
+) -> NDArray[np.float64] | None:
     """(1 + 3 T,) parameters of tables (T, K, K) that are truncated distances of labels, or None.
 
     The power p, then base, weight and cap of each table ``base - min(weight |a - b|^p, cap)``. None
@@ -193,7 +196,7 @@ def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
     [1.0, 1.0, 0.5, 2.0]
     """
     n_tables, n_labels, _ = tables.shape
-    if n_labels < min(FEWEST_LABELS.values()) or n_labels < 2 or not n_tables:
+    if n_labels < min(_fewest.values()) or n_labels < 2 or not n_tables:
         return None
     first = tables[:, 0]
     if not np.isfinite(first).all():
@@ -205,7 +208,7 @@ def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
     if any((table != row[apart]).any() for table, row in zip(tables, first, strict=True)):
         return None
     cap = falls[:, -1:]
-    for power, fewest in FEWEST_LABELS.items():
+    for power, fewest in _fewest.items():
         if n_labels < fewest:
             continue
         wanted = np.minimum(falls[:, 1:2] * np.arange(float(n_labels)) ** power, cap)

@@ -124,6 +124,7 @@ def relax_graph(
     max_iterations: int = 50,
     tolerance: float = 1e-4,
     on_iteration: OnIteration | None = None,
+    _most_entries: int = MOST_ENTRIES,
 ) -> Relaxed:
     """Relaxed beliefs on any graph, in double precision; the same bits for any thread count.
 
@@ -156,9 +157,9 @@ def relax_graph(
     if table is not None:
         which = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
     width = FOUR * -(-n_labels // FOUR)
-    if max(n_nodes * width, len(neighbour)) >= MOST_ENTRIES:
+    if max(n_nodes * width, len(neighbour)) >= _most_entries:
         raise InputError(
-            f"relaxation takes fewer than {MOST_ENTRIES:,} entries of node and beliefs (labels "
+            f"relaxation takes fewer than {_most_entries:,} entries of node and beliefs (labels "
             f"counted up to a multiple of four), got {len(neighbour):,} and {n_nodes * width:,}"
         )
     share, shared = _check_weights(weight, rows)
@@ -223,9 +224,9 @@ def repeat(
     return Relaxed(beliefs, converged, max_change, mean_change, support)
 
 
-def useful_threads(n_parts: int) -> int:
+def useful_threads(n_parts: int, parts_per_thread: int = PARTS_PER_THREAD) -> int:
     """The requested number of threads, or fewer if there is little work."""
-    return max(1, min(resolve_threads(), n_parts // PARTS_PER_THREAD))
+    return max(1, min(resolve_threads(), n_parts // parts_per_thread))
 
 
 def thread_groups(n_parts: int, threads: int) -> list[tuple[int, int]]:

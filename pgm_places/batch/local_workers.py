@@ -80,7 +80,6 @@ class Workers(Protocol):
 
 
 GRACE_S = 10.0
-"""Seconds after the time limit before the process of an unfinished task is killed."""
 
 _MOST_DEATHS = 3
 """Crashed processes after which a task is given up."""
@@ -105,12 +104,19 @@ class WorkerProcess:
         Memory limit.
     idle_s : float, optional
         Idle time after which the process exits; the next task starts another.
+    grace_s : float
+        Seconds after the time limit before the process of an unfinished task is killed.
     """
 
     def __init__(
-        self, n_threads: int = 1, memory_bytes: int | None = None, idle_s: float | None = None
+        self,
+        n_threads: int = 1,
+        memory_bytes: int | None = None,
+        idle_s: float | None = None,
+        grace_s: float = GRACE_S,
     ) -> None:
         self._n_threads, self._memory_bytes, self._idle_s = n_threads, memory_bytes, idle_s
+        self._grace_s = grace_s
         self._lock, self._ended = threading.Lock(), False
         self._executor: Any = None
         self._future: Any = None
@@ -120,7 +126,7 @@ class WorkerProcess:
     ) -> Any:
         """Run a task: its result, None after too many crashes, or ``TIMED_OUT``.
 
-        The process is killed :data:`GRACE_S` after the time limit.
+        The process is killed some seconds after the time limit.
         """
         for _ in range(_MOST_DEATHS):
             try:
@@ -129,7 +135,7 @@ class WorkerProcess:
                 future = self._submitted(function, task)
                 if future is None:
                     return None
-                return future.result(None if limit_s is None else limit_s + GRACE_S)
+                return future.result(None if limit_s is None else limit_s + self._grace_s)
             except BrokenExecutor:
                 self._kill()
             except TimeoutError:
@@ -268,11 +274,14 @@ class LocalWorkers:
         Threads that numerical libraries may use in each.
     memory_bytes : int, optional
         Memory limit of each.
+    grace_s : float
+        Seconds after the time limit before the process of an unfinished task is killed.
     """
 
     n_jobs: int
     n_threads: int = 1
     memory_bytes: int | None = None
+    grace_s: float = GRACE_S
 
     def run(
         self,
@@ -305,7 +314,8 @@ class _Dispatcher:
         self._lock, self._stopped = threading.Lock(), False
         self._ended: queue.SimpleQueue[tuple[Any, Any] | BaseException | None] = queue.SimpleQueue()
         self._processes = [
-            WorkerProcess(workers.n_threads, workers.memory_bytes) for _ in range(workers.n_jobs)
+            WorkerProcess(workers.n_threads, workers.memory_bytes, grace_s=workers.grace_s)
+            for _ in range(workers.n_jobs)
         ]
         self._threads = [
             threading.Thread(target=self._lane, args=(process,), daemon=True)

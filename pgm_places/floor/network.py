@@ -13,9 +13,6 @@ from pgm_places.floor.architecture import forward, parameters
 
 Array = NDArray[np.float32]
 
-_VALUES_AT_ONCE = 400_000
-"""Most numbers in the operand of one matrix product, so that it stays in the cache."""
-
 _LARGEST = 63
 
 
@@ -48,8 +45,19 @@ class FloorNetwork:
         logits: Array = forward(inputs, self)
         return logits
 
-    def convolution(self, x: Array, name: str, *, stride: int = 1, dilation: int = 1) -> Array:
-        """The convolution of that name, as one matrix product for each band of rows."""
+    def convolution(
+        self,
+        x: Array,
+        name: str,
+        *,
+        stride: int = 1,
+        dilation: int = 1,
+        _values_at_once: int = 400_000,
+    ) -> Array:
+        """The convolution of that name, as one matrix product for each band of rows.
+
+        ``_values_at_once`` limits the numbers of its operand, so that it stays in the cache.
+        """
         kernel, bias = self.weights[f"{name}.weights"], self.weights[f"{name}.bias"]
         side, inputs = kernel.shape[0], kernel.shape[2]
         if side == 1:
@@ -58,7 +66,7 @@ class FloorNetwork:
         padded = np.pad(x, ((dilation, dilation), (dilation, dilation), (0, 0)))
         matrix = kernel.reshape(-1, kernel.shape[3])
         summed = np.empty((h, w, kernel.shape[3]), np.float32)
-        band = max(1, _VALUES_AT_ONCE // (w * len(matrix)))
+        band = max(1, _values_at_once // (w * len(matrix)))
         around = np.empty((band, w, side * side, inputs), np.float32)
         for first in range(0, h, band):
             n = min(band, h - first)

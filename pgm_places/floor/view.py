@@ -92,7 +92,11 @@ class FloorScores:
 
 
 def floor_scores(
-    grid: OccupancyGrid, networks: Sequence[FloorNetwork], views: Sequence[FloorView]
+    grid: OccupancyGrid,
+    networks: Sequence[FloorNetwork],
+    views: Sequence[FloorView],
+    *,
+    _tile: int = _TILE,
 ) -> FloorScores:
     """The networks' scores of a map, tile by tile; bitwise equal for any number of threads."""
     raster = FloorRaster.of(grid)
@@ -100,7 +104,7 @@ def floor_scores(
     log_p = np.zeros((h, w, len(LABELS)), np.float16)
     spread = np.zeros((h, w), np.float16)
     free = raster.free > 0
-    for rows, columns in _tiles(h, w):
+    for rows, columns in _tiles(h, w, _tile):
         if free[rows, columns].any():
             piece = _Piece.of(raster, rows, columns)
             log_p[rows, columns], spread[rows, columns] = piece.scores(networks, views)
@@ -108,10 +112,10 @@ def floor_scores(
     return FloorScores(log_p, spread, r, c)
 
 
-def _tiles(h: int, w: int) -> Iterator[tuple[slice, slice]]:
-    for top in range(0, h, _TILE):
-        for left in range(0, w, _TILE):
-            yield slice(top, min(top + _TILE, h)), slice(left, min(left + _TILE, w))
+def _tiles(h: int, w: int, side: int) -> Iterator[tuple[slice, slice]]:
+    for top in range(0, h, side):
+        for left in range(0, w, side):
+            yield slice(top, min(top + side, h)), slice(left, min(left + side, w))
 
 
 @dataclass(frozen=True, eq=False)

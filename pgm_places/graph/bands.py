@@ -1,11 +1,23 @@
 """Bands of rows: processing a huge raster a few million cells at a time."""
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-BAND_CELLS = 4_000_000
+_MOST_CELLS = ContextVar("cells of a band", default=4_000_000)
+
+
+@contextmanager
+def band_limit(cells: int) -> Iterator[None]:
+    """Limit bands to this many cells, or one row, inside the block."""
+    token = _MOST_CELLS.set(cells)
+    try:
+        yield
+    finally:
+        _MOST_CELLS.reset(token)
 
 
 def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slice]:
@@ -18,7 +30,7 @@ def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slic
     multiple : int
         All bands but the last hold a multiple of this many rows.
     """
-    high = multiple * max(1, BAND_CELLS // max(shape[1] * multiple, 1))
+    high = multiple * max(1, _MOST_CELLS.get() // max(shape[1] * multiple, 1))
     for first in range(0, shape[0], high):
         yield slice(first, min(first + high, shape[0]))
 

@@ -90,9 +90,6 @@ class SegmentRows:
 NARROW_M = 0.8
 """Half width of the widest opening that counts as narrow."""
 
-_MOST_SOURCES = 1000
-"""Largest number of sources per component; the time grows with sources times edges."""
-
 _Columns = Mapping[str, NDArray[np.float64]]
 
 
@@ -163,12 +160,17 @@ def _position_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray
 
 
 def betweenness(
-    start: NDArray[np.int32], neighbour: NDArray[np.int32], area_m2: NDArray[np.float64]
+    start: NDArray[np.int32],
+    neighbour: NDArray[np.int32],
+    area_m2: NDArray[np.float64],
+    *,
+    _most_sources: int = 1000,
 ) -> NDArray[np.float64]:
     """(N,) share of the shortest paths between other nodes of a component through each node.
 
     Every edge has length 1 (Freeman, 1977; algorithm: Brandes, 2001). In components of more than
-    1000 nodes, only paths from the 1000 nodes with the largest areas count.
+    1000 nodes, only paths from the 1000 nodes with the largest areas count: the time grows with
+    sources times edges.
 
     Parameters
     ----------
@@ -186,7 +188,7 @@ def betweenness(
     component = components(start, neighbour)
     sources = np.argsort(-area_m2, kind="stable")
     share = np.zeros(len(area_m2))
-    add_paths(sources, component, _MOST_SOURCES, start, neighbour, share)
+    add_paths(sources, component, _most_sources, start, neighbour, share)
     return share
 
 

@@ -21,7 +21,7 @@ from pgm_places.studio.exports import edit_with_exports, exports_record, write_e
 from pgm_places.studio.layers import Theme
 from pgm_places.studio.request_guard import Guard
 from pgm_places.studio.session import MapSession
-from pgm_places.studio.session_pool import LIVE_S, SessionPool
+from pgm_places.studio.session_pool import SessionPool
 
 KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -29,8 +29,8 @@ KINDS = {
     ".js": "text/javascript; charset=utf-8",
     ".svg": "image/svg+xml",
 }
-WAIT_S, LOOK_S = LIVE_S - 5, 0.04
-"""How long a request for news waits (s), and how often it looks for news (s)."""
+LOOK_S = 0.04
+"""How often a request for news looks for them (s)."""
 
 
 def static_files() -> dict[str, bytes]:
@@ -95,7 +95,7 @@ class _Answers(_Files):
         tab = request.query_params.get("tab", "")
         self.tabs.seen(tab)  # first: the map of a tab stays open
         session = await run_in_threadpool(lambda: self.session)
-        tabs, deadline = len(self.tabs), time.monotonic() + WAIT_S
+        tabs, deadline = len(self.tabs), time.monotonic() + self.pool.news_s
         while session.tick == after and len(self.tabs) == tabs and time.monotonic() < deadline:
             await asyncio.sleep(LOOK_S)
             if session.closing:
@@ -223,4 +223,4 @@ def application(pool: SessionPool, *, token: str, port: int) -> Guard:
         routes = [*_Overview(pool).routes, *mounts]
     refused = dict.fromkeys((PgmPlacesError, ValueError, KeyError), _refused)
     inner: Any = Starlette(routes=routes, exception_handlers=refused)
-    return Guard(inner, token, port)
+    return Guard(inner, token, port, pool.request_s)

@@ -15,9 +15,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 MOST_BYTES = 4 << 20
 """Bytes of the largest body of a request; an outline with 100 000 points is smaller."""
 
-BODY_S = 10.0
-"""Seconds within which the body of a request must arrive."""
-
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -49,11 +46,14 @@ class Guard:
         The first part of every path.
     port : int
         The port that the studio listens on.
+    body_s : float
+        Seconds within which the body of a request must arrive.
     """
 
     inner: ASGIApp
     token: str
     port: int
+    body_s: float
 
     @property
     def hosts(self) -> tuple[str, str]:
@@ -71,10 +71,10 @@ class Guard:
         problem = self._problem(scope)
         if problem is None:
             try:
-                async with asyncio.timeout(BODY_S):
+                async with asyncio.timeout(self.body_s):
                     body = await _whole_body(receive)
             except TimeoutError:
-                problem = 408, f"the request did not arrive within {BODY_S:.0f} seconds"
+                problem = 408, f"the request did not arrive within {self.body_s:.0f} seconds"
             if len(body) > MOST_BYTES:
                 problem = _TOO_LARGE
         if problem is not None:

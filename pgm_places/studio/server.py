@@ -6,7 +6,9 @@ import os
 import secrets
 import socket
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any, cast
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -19,14 +21,15 @@ from pgm_places.studio.session_pool import SessionPool
 MOST_CONNECTIONS = 64
 """Most connections: enough for several tabs with six each; further ones are refused."""
 
-REQUEST_S = 10.0
-"""Seconds within which the head of a request must arrive; the guard limits the body."""
-
 
 class BoundedConnection(H11Protocol):
-    """A connection that is closed unless each request arrives in time."""
+    """A connection that is closed unless the head of each request arrives in time."""
 
     _ends: asyncio.TimerHandle | None = None
+
+    def __init__(self, *values: Any, request_s: float, **named: Any) -> None:
+        super().__init__(*values, **named)
+        self._request_s = request_s
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accept a connection, or close it if there are too many."""
@@ -55,7 +58,7 @@ class BoundedConnection(H11Protocol):
         return self.cycle is not None and not self.cycle.response_complete
 
     def _wait(self) -> None:
-        self._ends = self.loop.call_later(REQUEST_S, self.transport.abort)
+        self._ends = self.loop.call_later(self._request_s, self.transport.abort)
 
     def _wait_no_more(self) -> None:
         if self._ends is not None:
@@ -93,7 +96,7 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
         app = application(pool, token=token, port=number)
         config = uvicorn.Config(
             app,
-            http=BoundedConnection,
+            http=cast(Any, partial(BoundedConnection, request_s=pool.request_s)),
             log_level="error",
             access_log=False,  # addresses hold the token
             server_header=False,

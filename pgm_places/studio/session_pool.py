@@ -77,7 +77,14 @@ class SessionPool:
         Whether the studio ends.
     tabs : tuple of Tabs
         The live tabs of each map.
+    request_s : float
+        Seconds within which a request and its body must arrive.
+    news_s : float
+        Seconds that a request for news waits.
     """
+
+    request_s = 10.0
+    news_s = LIVE_S - 5
 
     def __init__(
         self, books: Sequence[MapEntry], folder: Path, export_folders: ExportFolders | None = None

@@ -65,10 +65,6 @@ class CellPaint:
         return tuple(self.classes[k] for k in painted)
 
 
-MAX_BYTES = 1 << 30
-"""Bytes of the largest feature table in memory; features of larger maps are recomputed."""
-
-
 @dataclass(eq=False)
 class CellTable:
     """Laser and custom features of all free cells of a map.
@@ -80,11 +76,14 @@ class CellTable:
     sensor : Sensor
     features : tuple
         Custom features.
+    max_bytes : int
+        Memory for the features of all cells; those of larger maps are recomputed.
     """
 
     grid: OccupancyGrid
     sensor: Sensor
     features: tuple[Any, ...] = ()
+    max_bytes: int = 1 << 30
     _own: NDArray[np.float32] | None = None
 
     @cached_property
@@ -100,7 +99,7 @@ class CellTable:
     @property
     def fits(self) -> bool:
         """Whether the features of all cells fit into memory."""
-        return 4 * self.layout.n_nodes * n_columns(self.features) <= MAX_BYTES
+        return 4 * self.layout.n_nodes * n_columns(self.features) <= self.max_bytes
 
     def all(self) -> NDArray[np.float32] | None:
         """(N, F) the features of all cells; None if they do not fit into memory."""

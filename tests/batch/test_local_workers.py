@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.batch import local_workers
 from pgm_places.batch.local_workers import TIMED_OUT, LocalWorkers, run_in_subprocess
 from tests.batch.tasks import die_always, die_often, hang, refuse
 
@@ -51,12 +50,9 @@ def test_what_the_function_raises_is_raised_here_and_ends_the_rest() -> None:
     assert next(begun) == 4
 
 
-def test_a_task_that_hangs_outside_python_is_killed_at_its_limit(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(local_workers, "GRACE_S", 0.5)
+def test_a_task_that_hangs_outside_python_is_killed_at_its_limit() -> None:
     started = time.monotonic()
-    found = dict(LocalWorkers(2).run(hang, range(4), limit_s=1.0))
+    found = dict(LocalWorkers(2, grace_s=0.5).run(hang, range(4), limit_s=1.0))
     assert found == {0: 0, 1: TIMED_OUT, 2: 2, 3: TIMED_OUT}
     assert time.monotonic() - started < 60
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch import local_workers, map_task
+from pgm_places.batch import map_task
 from pgm_places.batch.limits import LEAST_MEMORY
 from pgm_places.batch.local_workers import LocalWorkers
 from tests.batch.shared import Batch, Hanging, failures
@@ -51,10 +51,9 @@ def test_a_model_that_does_not_fit_is_a_failure_of_the_map(
 
 
 def test_the_process_of_a_map_that_hangs_is_killed_and_the_others_are_labelled(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+    batch: Batch, maps: Path
 ) -> None:
-    monkeypatch.setattr(local_workers, "GRACE_S", 1.0)
-    found = batch(Hanging(1), how={"limit_s": 9.0})
+    found = batch(Hanging(1, grace_s=1.0), how={"limit_s": 9.0})
     assert (found.n_labelled, found.n_failed) == (1, 2)
     failed = failures(maps.parent / "out")["floor1/map"]
     assert (failed["error"], failed["message"]) == (

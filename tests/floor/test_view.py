@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.floor import view as view_module
 from pgm_places.floor.view import FloorView, floor_scores, views_of
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.floor.random_network import random_network
@@ -112,19 +111,17 @@ def test_views_differ_and_begin_at_other_sides() -> None:
 
 
 @pytest.mark.parametrize("view", [FloorView(0), FloorView(0, 1, shifted=True)])
-def test_tiles_fit_together(view: FloorView, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tiles_fit_together(view: FloorView) -> None:
     grid = blob((200, 260))
     whole = floor_scores(grid, LOCAL, [view])
-    monkeypatch.setattr(view_module, "_TILE", 96)
-    tiled = floor_scores(grid, LOCAL, [view])
+    tiled = floor_scores(grid, LOCAL, [view], _tile=96)
     np.testing.assert_array_equal(tiled.log_p[grid.free], whole.log_p[grid.free])
 
 
-def test_tiles_without_free_space_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_module, "_TILE", 64)
+def test_tiles_without_free_space_are_not_looked_at() -> None:
     cells = np.full((64, 256), -1, np.int8)
     cells[10:50, 10:50] = 0
-    seen = floor_scores(OccupancyGrid(cells, 0.1), NETWORKS, [FloorView(0)])
+    seen = floor_scores(OccupancyGrid(cells, 0.1), NETWORKS, [FloorView(0)], _tile=64)
     assert not seen.log_p[:, 64:].any()
     assert seen.log_p[:, :64].any()
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pgm_places.errors import InputError
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import ERROR, LABEL_COLOURS, UNKNOWN, WALL, rgb_of
@@ -131,23 +131,23 @@ def test_single_errors_survive_shrinking() -> None:
     assert rgb_image(drawn)[1, 0].tolist() == rgb_of(ERROR).tolist()
 
 
-def test_bands_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bands_change_nothing() -> None:
     building = generate_building(2, size="small")
     view = view_of(building.grid, most_pixels=4000)
     assert view.shrink > 1
     whole = label_canvas(building.grid, building.labels, building.label_names, view)
-    monkeypatch.setattr(bands, "BAND_CELLS", 1000)
-    banded = label_canvas(building.grid, building.labels, building.label_names, view)
-    assert np.array_equal(whole.indices, banded.indices)
-    assert view_of(building.grid, most_pixels=4000) == view
+    with band_limit(1000):
+        banded = label_canvas(building.grid, building.labels, building.label_names, view)
+        assert np.array_equal(whole.indices, banded.indices)
+        assert view_of(building.grid, most_pixels=4000) == view
 
 
-def test_memory_stays_small_on_a_huge_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bands, "BAND_CELLS", 200_000)
+def test_memory_stays_small_on_a_huge_map() -> None:
     grid = OccupancyGrid(np.zeros((3000, 3000), np.int8), 0.05)
     labels = np.zeros(grid.shape, np.int16)
     tracemalloc.start()
-    drawn = label_canvas(grid, labels, NAMES, view_of(grid, most_pixels=100_000))
+    with band_limit(200_000):
+        drawn = label_canvas(grid, labels, NAMES, view_of(grid, most_pixels=100_000))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert drawn.indices.size <= 110_000

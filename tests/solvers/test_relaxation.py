@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.solvers import grid_relaxation
-from pgm_places.solvers.grid_relaxation import BLOCK, neighbour_weights, relax_grid
-from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
+from pgm_places.solvers.grid_relaxation import (
+    BLOCK,
+    BlockSizes,
+    _lay_out,
+    neighbour_weights,
+    relax_grid,
+)
+from pgm_places.solvers.relaxation import NODES_PER_PART, relax_graph, starting_beliefs
 from tests.on_threads import on
 from tests.reference.relaxation import STEPS, relaxed_graph, relaxed_grid
 from tests.refusals import refused
@@ -71,19 +76,14 @@ def test_grid_kernel_is_the_reference(
 
 
 @pytest.mark.parametrize("tables", [1, 8])
-def test_rows_in_many_parts_by_any_number_of_threads_are_the_reference(
-    tables: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(grid_relaxation, "CELLS_PER_PART", 256)
-    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 100)
-    monkeypatch.setattr(grid_relaxation, "PARTS_AT_ONCE", 2)
-    monkeypatch.setattr("pgm_places.solvers.relaxation.PARTS_PER_THREAD", 1)
+def test_rows_in_many_parts_by_any_number_of_threads_are_the_reference(tables: int) -> None:
     shape = (7, 582)
     unary, cells, walls, r, start = a_raster(3, shape, 2, tables=tables)
     mask = np.zeros(shape, np.bool_)
     mask[cells[:, 0], cells[:, 1]] = True
     want = at(relaxed_grid(start, walls, r, max_iterations=2), cells)
-    options = {"walls": walls, "max_iterations": 2, "tolerance": 0}
+    blocks = BlockSizes(cells_per_part=256, nodes_at_once=100, parts_at_once=2, parts_per_thread=1)
+    options = {"walls": walls, "max_iterations": 2, "tolerance": 0, "_blocks": blocks}
     first, *others = (
         on(n, relax_grid, unary, given, shape, r, **options)
         for n, given in ((1, cells), (2, cells), (5, cells), (1, MaskCells.of(mask)))
@@ -100,13 +100,13 @@ def test_rows_in_many_parts_by_any_number_of_threads_are_the_reference(
     refused(InputError, wanted, starting_beliefs, unary)
 
 
-def test_memory_beside_beliefs_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 20_000)
+def test_memory_beside_beliefs_stays_small() -> None:
     cells, r = MaskCells.of(np.ones((1200, 1200), np.bool_)), np.zeros((1, 4, 4))
     unary = np.zeros((len(cells), 3), np.float32)
     relax_grid(unary[:4], MaskCells.of(np.ones((2, 2), np.bool_)), (2, 2), r)  # what is made once
     tracemalloc.start()
-    found = on(2, relax_grid, unary, cells, (1200, 1200), r, max_iterations=1)
+    blocks = BlockSizes(nodes_at_once=20_000)
+    found = on(2, relax_grid, unary, cells, (1200, 1200), r, max_iterations=1, _blocks=blocks)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < found.beliefs.nbytes + 6 * len(cells)  # the store, which is not traced, aside
@@ -187,11 +187,11 @@ def test_graph_kernel_is_the_reference(
     np.testing.assert_allclose(found.beliefs, want, rtol=0, atol=1e-12)
 
 
-def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pgm_places.solvers.relaxation.NODES_PER_PART", 7)
-    monkeypatch.setattr("pgm_places.solvers.relaxation.PARTS_PER_THREAD", 1)
-    unary, cells, _, r, _ = a_raster(7, (9, 9), 3)
-    start, node, _ = adjacency(cells, (9, 9))
+def test_graph_threads_give_the_same_bits() -> None:
+    ring = np.arange(13 * NODES_PER_PART)  # a thread has at least four parts
+    unary = np.log(np.random.default_rng(7).dirichlet(np.ones(3), len(ring)))
+    start, node = np.arange(0, 2 * len(ring) + 1, 2), np.stack([ring - 1, ring + 1], axis=1)
+    node, r = node.ravel() % len(ring), a_raster(7, (9, 9), 3)[3]
     first, second = (
         on(n, relax_graph, unary, start, node, r[:, :3, :3], max_iterations=4, tolerance=0)
         for n in (1, 3)
@@ -199,14 +199,10 @@ def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> No
     np.testing.assert_array_equal(first.beliefs, second.beliefs)
 
 
-def test_too_large_a_graph_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pgm_places.solvers.relaxation.MOST_ENTRIES", 8)
-    with pytest.raises(InputError) as caught:
-        relax_graph(np.zeros((2, 3)), [0, 1, 2], [1, 0], np.zeros((1, 3, 3)))
-    assert str(caught.value) == (
-        "relaxation takes fewer than 8 entries of node and beliefs (labels counted up to a "
-        "multiple of four), got 2 and 8"
-    )
+def test_too_large_a_graph_is_refused() -> None:
+    text = r"fewer than 8 entries of node and beliefs \(.* multiple of four\), got 2 and 8$"
+    two = np.zeros((2, 3)), [0, 1, 2], [1, 0], np.zeros((1, 3, 3))
+    refused(InputError, text, relax_graph, *two, _most_entries=8)
 
 
 def test_forbidden_labels_stay_forbidden_and_the_floor_lifts_the_others() -> None:
@@ -290,7 +286,7 @@ def test_it_stops_when_nothing_changes_any_more_and_tells_each_iteration() -> No
 
 def test_far_apart_parts_cost_only_their_own_store() -> None:
     cells = np.array([[0, 0], [9_999, 9_999]])
-    rows = grid_relaxation._lay_out(cells.astype(np.int32), (10_000, 10_000))
+    rows = _lay_out(cells.astype(np.int32), (10_000, 10_000), 100)
     assert rows.n_cells <= 2 * 9 * BLOCK
 
 

@@ -111,12 +111,11 @@ def test_betweenness_is_that_of_networkx(drawn: tuple[LabelGraph, np.ndarray]) -
     )
 
 
-def test_paths_from_some_nodes_are_near_those_from_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_from_some_nodes_are_near_those_from_all() -> None:
     generator = np.random.default_rng(3)
     graph = LabelGraph.from_points(generator.random((120, 2)), n_neighbours=4)
     every = betweenness(*neighbours(graph), np.ones(120))
-    monkeypatch.setattr("pgm_places.spaces.segment_features._MOST_SOURCES", 60)
-    some = betweenness(*neighbours(graph), generator.random(120))
+    some = betweenness(*neighbours(graph), generator.random(120), _most_sources=60)
     assert np.corrcoef(every, some)[0, 1] > 0.95
     assert some.sum() == pytest.approx(every.sum(), rel=0.1)
 

@@ -81,7 +81,7 @@ class Client:
         self, session: MapSession | SessionPool, base_url: str, headers: dict[str, str]
     ) -> None:
         pool = SessionPool.of(session) if isinstance(session, MapSession) else session
-        self.app: Any = application(pool, token=TOKEN, port=PORT)
+        self.pool, self.app = pool, application(pool, token=TOKEN, port=PORT)
         self.base_url, self.headers = base_url, headers
 
     def request(self, method: str, path: str, **values: Any) -> httpx.Response:

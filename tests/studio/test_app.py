@@ -91,9 +91,9 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
 
 
 def test_a_question_for_news_is_answered_when_there_are_some(
-    client: Client, session: MapSession, monkeypatch: pytest.MonkeyPatch
+    client: Client, session: MapSession
 ) -> None:
-    monkeypatch.setattr("pgm_places.studio.app.WAIT_S", 0.1)
+    client.pool.news_s = 0.1
     tick = client.get("state").json()["tick"]
     assert client.get("state", params={"after": tick}).json()["tick"] == tick
     client.post("edit", json=rectangle(0, [6, 6], [9, 9]))

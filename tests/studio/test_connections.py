@@ -16,10 +16,12 @@ PATIENCE_S = 60.0
 
 
 @pytest.fixture
-def address(session: MapSession, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The address of a studio that waits a fifth of a second for a request."""
-    monkeypatch.setattr("pgm_places.studio.server.REQUEST_S", 0.2)
-    monkeypatch.setattr("pgm_places.studio.request_guard.BODY_S", 0.2)
+def address(
+    session: MapSession, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[str]:
+    """The address of a studio that waits a fifth of a second, or the parameter, for a request."""
+    pool = SessionPool.of(session)
+    pool.request_s = getattr(request, "param", 0.2)
     monkeypatch.setattr("uvicorn.Server.install_signal_handlers", lambda _: None, raising=False)
     servers: list[_Server] = []
     made = _Server.__init__
@@ -30,9 +32,7 @@ def address(session: MapSession, monkeypatch: pytest.MonkeyPatch) -> Iterator[st
 
     monkeypatch.setattr(_Server, "__init__", noted)
     told: list[str] = []
-    thread = threading.Thread(
-        target=serve, args=(SessionPool.of(session),), kwargs={"on_address": told.append}
-    )
+    thread = threading.Thread(target=serve, args=(pool,), kwargs={"on_address": told.append})
     thread.start()
     deadline = time.monotonic() + PATIENCE_S
     while not (servers and servers[0].started):
@@ -84,10 +84,8 @@ def test_half_a_body_is_refused_after_its_time(address: str) -> None:
         assert answer(sent).startswith(b"HTTP/1.1 408")
 
 
-def test_connections_beyond_the_bound_are_turned_away(
-    address: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("pgm_places.studio.server.REQUEST_S", 3600.0)
+@pytest.mark.parametrize("address", [3600.0], indirect=True)
+def test_connections_beyond_the_bound_are_turned_away(address: str) -> None:
     first = [connected(address) for _ in range(MOST_CONNECTIONS)]
     more = [connected(address) for _ in range(5)]
     assert [answer(each) for each in more] == [b""] * 5

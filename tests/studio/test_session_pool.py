@@ -46,7 +46,7 @@ def test_maps_open_when_they_are_looked_at_and_few_stay_open(pool: SessionPool) 
         pool.session(6)
 
 
-def test_maps_with_a_live_tab_stay_open(pool: SessionPool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_maps_with_a_live_tab_stay_open(pool: SessionPool) -> None:
     sessions = []
     for number in range(6):
         pool.tabs[number].seen(f"tab{number}")
@@ -54,7 +54,6 @@ def test_maps_with_a_live_tab_stay_open(pool: SessionPool, monkeypatch: pytest.M
     assert [pool.session(number) for number in range(6)] == sessions
     assert not any(session.closing for session in sessions)
     pool.tabs[2].left("tab2")
-    monkeypatch.setattr("pgm_places.studio.session_pool.MOST_OPEN", 6)
     pool.tabs[2].seen("not a tab")
     assert [len(tabs) for tabs in pool.tabs] == [1, 1, 0, 1, 1, 1]
 

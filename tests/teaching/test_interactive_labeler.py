@@ -166,9 +166,10 @@ def test_the_given_labeler_is_as_before_and_no_paint_teaches_nothing() -> None:
     np.testing.assert_array_equal(teacher().teach(teacher().blank()).labels, plain().labels)
 
 
-def test_maps_too_large_for_a_table_get_the_same_labels(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(learning, "MAX_BYTES", 1000)
-    found = InteractiveLabeler(building().grid, trained_labeler()).teach(relabelled(0.05))
+def test_maps_too_large_for_a_table_get_the_same_labels() -> None:
+    labeler = InteractiveLabeler(building().grid, trained_labeler())
+    labeler._table.max_bytes = 1000
+    found = labeler.teach(relabelled(0.05))
     np.testing.assert_array_equal(found.labels, taught().labels)
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from pgm_places import LabelGraph, OccupancyGrid
 from pgm_places.errors import InputError, MapError
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import Coarsening, coarsen
 from pgm_places.maps.components import connected_components
@@ -51,15 +51,15 @@ def test_confidences_are_those_of_the_painted_probabilities(factor: float) -> No
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
-def test_a_map_of_many_bands_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_of_many_bands_gives_the_same() -> None:
     rng = np.random.default_rng(4)
     grid = OccupancyGrid(rng.choice(np.array([0, 0, 0, 100], np.int8), (40, 30)), 0.05)
     pieces = connected_components(rng.integers(-1, 3, grid.shape).astype(np.int16))
     layout = layout_of(coarsen(grid, 0.1))
     beliefs = rng.dirichlet(np.ones(3), len(layout.cells_rc))
     whole = mean_probabilities(pieces, beliefs, layout, 3, grid)
-    monkeypatch.setattr(bands, "BAND_CELLS", 100)
-    banded = mean_probabilities(pieces, beliefs, layout, 3, grid)
+    with band_limit(100):
+        banded = mean_probabilities(pieces, beliefs, layout, 3, grid)
     assert not np.isnan(whole).all()
     np.testing.assert_allclose(banded, whole, rtol=1e-12)
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -266,17 +266,17 @@ def test_without_gates_doorways_are_those_of_the_labels() -> None:
 
 
 @pytest.mark.parametrize("with_gates", [False, True])
-def test_memory_stays_small_on_a_huge_map(
-    with_gates: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(bands, "BAND_CELLS", 20_000)
+def test_memory_stays_small_on_a_huge_map(with_gates: bool) -> None:
     grid = grid_of(np.tile(ring_of_offices(), (12, 12)))
     labels = np.where(grid.free, np.int16(ROOM), np.int16(-1))
     layout = GridLayout.of_map(grid)
     beliefs = np.full((len(layout.cells_rc), 3), 1 / 3, np.float32)
-    doorways = gates_of(grid) if with_gates else None
-    tracemalloc.start()
-    found = topological_map(grid, labels, NAMES, beliefs=beliefs, layout=layout, doorways=doorways)
+    with band_limit(20_000):
+        doorways = gates_of(grid) if with_gates else None
+        tracemalloc.start()
+        found = topological_map(
+            grid, labels, NAMES, beliefs=beliefs, layout=layout, doorways=doorways
+        )
     assert found.labels.shape == labels.shape
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()

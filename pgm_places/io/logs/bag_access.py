@@ -36,7 +36,7 @@ def zstd_module() -> Any:
     )
 
 
-def unpacked(compression: str, data: bytes) -> bytes:
+def unpacked(compression: str, data: bytes, *, _most: int = MAX_CHUNK_BYTES) -> bytes:
     """The unpacked data of a chunk: at most 256 MiB.
 
     Parameters
@@ -61,8 +61,8 @@ def unpacked(compression: str, data: bytes) -> bytes:
                 raise LogError(f"a chunk of {compression} is truncated")
             pieces.append(piece)
             size, data = size + len(piece), b""
-            if size > MAX_CHUNK_BYTES:
-                raise LogError(f"a chunk unpacks to more than {MAX_CHUNK_BYTES} bytes")
+            if size > _most:
+                raise LogError(f"a chunk unpacks to more than {_most} bytes")
         data = decompressor.unused_data or b""
     return b"".join(pieces)
 

@@ -25,8 +25,6 @@ MAX_PIXELS = 200_000_000
 # Strips are whole rows; Pillow refuses to cut out more pixels than 179 million.
 _MAX_SIDE = 1_000_000
 
-_STRIP_PIXELS = 1 << 20
-
 # zlib shrinks no input by more than this factor (its documentation: 1032 : 1).
 _DEFLATE_LIMIT = 1040
 
@@ -34,8 +32,6 @@ _DEFLATE_LIMIT = 1040
 _MAX_JPEG_SCANS = 100
 
 _JPEG_SCAN = b"\xff\xda"
-
-_READ_BYTES = 1 << 20
 
 # A JPEG takes at least a bit for each block of 8 x 8 pixels.
 _JPEG_PIXELS_A_BYTE = 8 * 64
@@ -107,13 +103,13 @@ class RasterImage:
         with self._reported():
             return np.asarray(self._picture)
 
-    def strips(self, *, indices: bool = False) -> Iterator[Strip]:
+    def strips(self, *, indices: bool = False, _pixels: int = 1 << 20) -> Iterator[Strip]:
         """Strips of whole rows, about a million pixels each.
 
         With ``indices`` a palette image yields its indices as one channel, not its colours.
         """
         height, width = self.shape
-        rows = max(1, _STRIP_PIXELS // width)
+        rows = max(1, _pixels // width)
         for top in range(0, height, rows):
             with self._reported():
                 strip = self._decoded(top, min(top + rows, height), indices)
@@ -262,18 +258,23 @@ def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> 
         )
 
 
-def _check_scans(path: Path, file: IO[bytes], error: type[InputError]) -> None:
+def _check_scans(
+    path: Path,
+    file: IO[bytes],
+    error: type[InputError],
+    most: int = _MAX_JPEG_SCANS,
+    n_bytes: int = 1 << 20,
+) -> None:
     """Refuse a JPEG with many scans, which takes long to decode."""
     at, n_scans, last = file.tell(), 0, b""
     file.seek(0)
-    while part := file.read(_READ_BYTES):
+    while part := file.read(n_bytes):
         n_scans += (last + part).count(_JPEG_SCAN)  # within coded data, every 255 is followed by 0
         last = part[-1:]
     file.seek(at)
-    if n_scans > _MAX_JPEG_SCANS:
+    if n_scans > most:
         raise error(
-            f"{path}: a JPEG of {n_scans} scans, more than the limit of {_MAX_JPEG_SCANS}; save it "
-            "again"
+            f"{path}: a JPEG of {n_scans} scans, more than the limit of {most}; save it again"
         )
 
 

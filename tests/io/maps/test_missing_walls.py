@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.io.maps.map_server import correct_map, load_map
 from pgm_places.io.maps.missing_walls import (
     FEWEST_WALLS,
@@ -69,13 +69,13 @@ def test_walls_are_the_unknown_cells_around_free_ones(cells: np.ndarray) -> None
     np.testing.assert_array_equal(with_walls(cells), expected)
 
 
-def test_bands_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bands_change_nothing() -> None:
     generator = np.random.default_rng(0)
     cells = generator.choice(np.array([0, 0, 0, 100, -1], np.int8), (60, 50))
     whole = wall_share(cells, 0.05), with_walls(cells)
-    monkeypatch.setattr(bands, "BAND_CELLS", 200)
-    assert wall_share(cells, 0.05) == whole[0]
-    np.testing.assert_array_equal(with_walls(cells), whole[1])
+    with band_limit(200):
+        assert wall_share(cells, 0.05) == whole[0]
+        np.testing.assert_array_equal(with_walls(cells), whole[1])
 
 
 def test_grey_walls_are_found_and_the_file_is_corrected(tmp_path: Path) -> None:

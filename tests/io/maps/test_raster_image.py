@@ -3,6 +3,7 @@
 import struct
 import tracemalloc
 import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,7 @@ import pytest
 from PIL import Image
 
 from pgm_places.errors import MapError
-from pgm_places.io.maps import raster_image
-from pgm_places.io.maps.raster_image import open_image
+from pgm_places.io.maps.raster_image import _check_scans, open_image
 
 GREY = np.array([[0, 17, 255], [100, 205, 254]], np.uint8)
 
@@ -86,16 +86,15 @@ def test_bad_jpegs_are_refused(tmp_path: Path) -> None:
         assert message in str(caught.value)
 
 
-def test_scans_of_a_jpeg_are_counted_across_parts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(raster_image, "_READ_BYTES", 1)
-    monkeypatch.setattr(raster_image, "_MAX_JPEG_SCANS", 1)
-    jpeg(tmp_path / "x.jpg")
-    assert read(tmp_path / "x.jpg", lossy=True)[0].shape == (30, 40, 1)
-    jpeg(tmp_path / "x.jpg", progressive=True)
+def test_scans_of_a_jpeg_are_counted_across_parts(tmp_path: Path) -> None:
+    path = tmp_path / "x.jpg"
+    one, several = jpeg(path), jpeg(path, progressive=True)
+    _check_scans(path, BytesIO(one), MapError, most=1, n_bytes=1)
     with pytest.raises(MapError, match=r"a JPEG of \d+ scans, more than the limit of 1;"):
-        read(tmp_path / "x.jpg", lossy=True)
+        _check_scans(path, BytesIO(several), MapError, most=1, n_bytes=1)
+    path.write_bytes(one + 100 * b"\xff\xda")
+    with pytest.raises(MapError, match="a JPEG of 101 scans, more than the limit of 100;"):
+        read(path, lossy=True)
 
 
 @pytest.mark.parametrize(
@@ -231,15 +230,15 @@ def test_the_limit_can_be_lowered_and_raised(tmp_path: Path) -> None:
     assert read(tmp_path / "x.png", max_pixels=6)[0].shape == (2, 3, 1)
 
 
-def test_large_images_come_in_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(raster_image, "_STRIP_PIXELS", 7)
+def test_large_images_come_in_strips(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (11, 3), np.uint8)
     for suffix in ("png", "pgm"):
         path = tmp_path / f"x.{suffix}"
         Image.fromarray(noise).save(path)
         with open_image(path, MapError) as image:
-            assert [strip.row for strip in image.strips()] == [0, 2, 4, 6, 8, 10]
-        assert (read(path)[0][:, :, 0] == noise).all()
+            strips = list(image.strips(_pixels=7))
+        assert [strip.row for strip in strips] == [0, 2, 4, 6, 8, 10]
+        assert (np.concatenate([strip.channels for strip in strips])[:, :, 0] == noise).all()
 
 
 def test_kinds_without_a_meaning_are_refused(tmp_path: Path) -> None:
