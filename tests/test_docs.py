@@ -137,6 +137,8 @@ def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
         "solvers",
         "simulation",
         "training",
+        "studio",
+        "live",
         "ros",
         "examples",
     )

@@ -12,7 +12,7 @@ import pgm_places
 ROOT = Path(__file__).resolve().parent.parent
 
 
-@pytest.mark.parametrize("name", ["models", "solvers", "simulation", "training"])
+@pytest.mark.parametrize("name", ["models", "solvers", "simulation", "training", "studio", "live"])
 def test_links_lead_to_the_real_folders(name: str) -> None:
     link = ROOT / "pgm_places" / name
     if not link.is_symlink():

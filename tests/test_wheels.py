@@ -36,7 +36,7 @@ def test_five_platforms_are_built_and_what_tries_them_is_there() -> None:
 def test_a_checkout_without_symbolic_links_is_refused_in_one_line(tmp_path: Path) -> None:
     check_links = runpy.run_path(str(ROOT / "tools" / "core.py"))["check_links"]
     check_links(ROOT)
-    for name in ("solvers", "simulation", "training"):
+    for name in ("solvers", "simulation", "training", "studio", "live"):
         (tmp_path / "pgm_places" / name).mkdir(parents=True)
     (tmp_path / "pgm_places" / "models").write_text("../models")  # as git writes it on Windows
     with pytest.raises(SystemExit, match="pgm_places/models must be a symbolic link") as ended:

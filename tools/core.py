@@ -27,7 +27,7 @@ from stub import write_stub  # beside this file
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / f"core-{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
-LINKED = ("models", "solvers", "simulation", "training")
+LINKED = ("models", "solvers", "simulation", "training", "studio", "live")
 FOLDERS = ("pgm_places", *LINKED)
 COMPILERS = ("c++", "g++", "clang++")
 
