@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sklearn.feature_extraction import DictVectorizer
 
 from pgm_places import LabelGraph, LabelingProblem, build
-from pgm_places.labelers.batched_inference import label_many
+from pgm_places.labelers.method import label_many
 
 NAMES = ("outside", "first", "further")
 N_TEST = 500

@@ -15,8 +15,8 @@ import numpy as np
 
 from pgm_places.features.extraction import extract
 from pgm_places.labelers.map_prior import MapPrior
-from pgm_places.labelers.online import BeliefFilter
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.tracking import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.local_map import LocalMap

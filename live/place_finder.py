@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.labelers.map_prior import MapPrior
-from pgm_places.labelers.online import OnlineLabeler
+from pgm_places.labelers.tracking import OnlineLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_map import LiveLabels
 from pgm_places.live.live_options import LiveOptions

@@ -13,9 +13,8 @@ from pgm_places._checks import finite_array
 from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout, StepLayout
-from pgm_places.inference.backends import learned
+from pgm_places.inference.backends import in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.learned_names import in_learned_order
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, labelled_problems

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError, LearningWarning
-from pgm_places.inference.backends import learned
+from pgm_places.inference.backends import in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.learned_names import in_learned_order
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem

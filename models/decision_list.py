@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from pgm_places._checks import require_shape
 from pgm_places.errors import InputError
-from pgm_places.inference.learned_names import renumbered
+from pgm_places.inference.backends import renumbered
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList, check_decision
 from pgm_places.models.boosting import (

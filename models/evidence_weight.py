@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number
 from pgm_places.evaluation.bootstrap import is_ahead, stretches
-from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.evaluation import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.options import Probability
 from pgm_places.solvers.relaxation import starting_beliefs

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number, number_array
 from pgm_places.errors import InputError
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.evaluation import balanced_accuracy, confusion_matrix
 
 NODE_CHOICES = ("auto", "logz", "logz+raw", "offset+logz", "offset+logz+raw")
 """Node features to compare, simpler ones first; ``auto`` if there is no choice.

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError, NotFittedError
-from pgm_places.inference.backends import Traits, learned
+from pgm_places.inference.backends import LearnedNames, Traits, in_learned_order, learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.chain_statistics import (

@@ -12,13 +12,13 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.learned_names import (
+from pgm_places.inference.backends import (
     renumbered,
     reordered,
     reordered_potentials,
     restored_labeling,
 )
+from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 

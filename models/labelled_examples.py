@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, LabelError, nearest_name
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.evaluation import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.raster_edges import EdgeKind

@@ -19,9 +19,8 @@ from pgm_places._checks import (
 from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
-from pgm_places.inference.backends import Traits, learned
+from pgm_places.inference.backends import LearnedNames, Traits, in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.models.cliques import (

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, log_expit
 
 from pgm_places.errors import InputError
-from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
+from pgm_places.evaluation.evaluation import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
 from pgm_places.models.boosting_rounds import boosted
 from pgm_places.models.list_options import BoostingOptions

@@ -14,9 +14,8 @@ from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.inference.backends import Traits, learned
+from pgm_places.inference.backends import LearnedNames, Traits, in_learned_order, learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.models import relaxation_choice as on_held_out
 from pgm_places.models.evidence_weight import Evidence, divided_share, without_prior

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number
-from pgm_places.evaluation.confusion import confusion_matrix
+from pgm_places.evaluation.evaluation import confusion_matrix
 from pgm_places.inference.problem import evident_unary
 from pgm_places.models.evidence_weight import divided_share
 from pgm_places.models.held_out_choice import TOLERANCE, WORTH, held_out_words, mean_scores

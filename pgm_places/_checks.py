@@ -272,10 +272,7 @@ def cell_list(cells_rc: ArrayLike) -> NDArray[Any]:
 def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> tuple[str, ...]:
     """Names of labels, places or columns that can be written to every file and terminal.
 
-    Raises
-    ------
-    error
-        They are not distinct texts of 1 to 200 characters without control characters.
+    ``error`` unless they are distinct texts of 1 to 200 characters without control characters.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise error(f"{what} must be a list of names, got {quoted(names)}")

@@ -8,21 +8,10 @@ from pgm_places.errors import InputError
 
 
 def needed(module: str, *, extra: str, purpose: str) -> Any:
-    """The module of an optional package.
+    """The module of an optional package, which the ``extra`` of this package installs.
 
-    Parameters
-    ----------
-    module : str
-        What to import.
-    extra : str
-        The extra of this package that installs it.
-    purpose : str
-        The task that needs it; the message begins with it.
-
-    Raises
-    ------
-    InputError
-        The package is not installed; the message says how to install it.
+    InputError if it is not installed; the message begins with the ``purpose`` and says how to
+    install it.
 
     Examples
     --------

@@ -53,12 +53,7 @@ class OrInfinite:
 class NameOf:
     """A mark of strings that name one of several things; other packages may add names.
 
-    Parameters
-    ----------
-    built_in : collection of str
-        The names that are tried first.
-    names : callable
-        Returns all names.
+    ``built_in`` names are tried first; ``names`` returns all.
     """
 
     def __init__(self, built_in: Collection[str], names: Callable[[], list[str]]) -> None:

@@ -117,13 +117,7 @@ _shown.maxstring = _shown.maxother = _shown.maxlong = 120
 
 
 def escape_control(text: str, *, keep: str = "") -> str:
-    r"""``text`` with terminal control characters escaped.
-
-    Parameters
-    ----------
-    text : str
-    keep : str
-        Characters to leave as they are, such as a line end.
+    r"""``text`` with terminal control characters escaped, except those in ``keep``.
 
     Examples
     --------

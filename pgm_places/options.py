@@ -106,12 +106,8 @@ def described(item: Any) -> dict[str, tuple[str, str]]:
 def check_options(item: Any) -> None:
     """Check an object's values against the declarations of its class: for ``__post_init__``.
 
-    A list becomes the declared tuple, a NumPy number a Python number.
-
-    Raises
-    ------
-    ConfigError
-        One line: the option, its accepted values, the value.
+    A list becomes the declared tuple, a NumPy number a Python number. ConfigError, one line with
+    the option, its accepted values and the value, if one is refused.
     """
     hints = option_hints(type(item))
     for field in option_fields(type(item)):
@@ -129,30 +125,15 @@ class Options:
 
 
 def subset_of(cls: type[T], item: Any) -> T:
-    """The options of a class, read from the attributes of another object, such as an estimator.
-
-    Raises
-    ------
-    ConfigError
-        A value that is refused.
-    """
+    """The options of a class, read from the attributes of another object, such as an estimator."""
     return cls(**{name: getattr(item, name) for name in option_hints(cls)})
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> T:
     """The options that a table of a file describes; nested tables become nested options.
 
-    Parameters
-    ----------
-    cls : dataclass
-    values : mapping of str to value
-    path : str
-        The location of the table, a prefix of messages: ``"topology"``.
-
-    Raises
-    ------
-    ConfigError
-        An unknown key (the nearest is offered), a missing one, or a value that is refused.
+    ``path`` is the location of the table, a prefix of messages: ``"topology"``. ConfigError for an
+    unknown key (the nearest is offered), a missing one, or a value that is refused.
     """
     if not isinstance(values, Mapping):
         raise ConfigError(
@@ -180,12 +161,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
 
 
 def check_option(name: str, hint: Any, value: Any) -> Any:
-    """The value, checked and converted for an option.
-
-    Raises
-    ------
-    OptionError
-        The annotation does not accept it.
+    """The value, checked and converted for an option; OptionError if it is refused.
 
     Examples
     --------

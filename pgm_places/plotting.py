@@ -50,13 +50,7 @@ def legend_beside(ax: "Axes", handles: list[Any]) -> None:
 
 
 def data_frame(columns: dict[str, Any], index: str) -> Any:
-    """A table of pandas, which is optional.
-
-    Raises
-    ------
-    InputError
-        pandas is not installed.
-    """
+    """A table of pandas, which is optional; InputError if it is not installed."""
     from pgm_places._extras import needed
 
     pandas = needed("pandas", extra="notebook", purpose="a table of pandas")

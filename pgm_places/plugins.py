@@ -16,24 +16,13 @@ from pgm_places.progress import warn
 
 @dataclasses.dataclass(frozen=True)
 class Registry:
-    """The named classes of one kind.
+    """The named classes of one kind (for messages: ``"method"``), and the entry points of plug-ins.
 
-    Parameters
-    ----------
-    kind : str
-        The kind of the classes, for messages: ``"method"``.
-    group : str
-        The group of entry points of plug-ins: ``name = "package.module:Class"``.
-    built_in : mapping of str to str
-        Name to ``"module:Class"``, imported on first use.
-    renamed : mapping of str to mapping
-        Former option names in saved models, and their current names.
-    replaced : mapping of (str, str, str) to str
-        Former values of options in saved models, and their current values.
-    retired : mapping of str to str
-        Names of removed classes, and what to do instead.
-    former : mapping of str to mapping
-        Former option names that are accepted with a warning until the next release.
+    ``built_in`` maps names to ``"module:Class"``, imported on first use; an entry point of
+    ``group`` is ``name = "package.module:Class"``. ``renamed`` and ``replaced`` are former names
+    and values of options in saved models, with their current ones; ``former`` names are accepted
+    with a warning until the next release. ``retired`` classes come with a text on what to do
+    instead.
     """
 
     kind: str
@@ -49,13 +38,7 @@ class Registry:
         return sorted(self._targets())
 
     def find(self, name: str) -> type[Any]:
-        """The class with a name, or at ``"module:Class"``.
-
-        Raises
-        ------
-        ConfigError
-            The name is unknown; the message suggests the nearest one.
-        """
+        """The class with a name, or at ``"module:Class"``; ConfigError for an unknown name."""
         target = self._target(name) or (name if ":" in name else None)
         if target is None and name in self.retired:
             raise ConfigError(f"there is no {self.kind} {name!r} any more; {self.retired[name]}")
@@ -81,10 +64,8 @@ class Registry:
     def build(self, name: str, options: Mapping[str, Any] | None = None) -> Any:
         """An instance of the named class with the options.
 
-        Raises
-        ------
-        ConfigError
-            An unknown name or option (the nearest is offered), or a value that is refused.
+        ConfigError for an unknown name or option (the nearest is offered), or a value that is
+        refused.
         """
         cls = self.find(name)
         known = list(option_hints(cls))
@@ -106,13 +87,7 @@ class Registry:
             raise ConfigError(f"{self.kind} {name!r}: {error}") from None
 
     def name_of(self, cls: type[Any]) -> str:
-        """The registered name of a class.
-
-        Raises
-        ------
-        OutputError
-            It is not registered.
-        """
+        """The registered name of a class; OutputError if it is not registered."""
         own = f"{cls.__module__}:{cls.__qualname__}"
         if own in self.built_in.values():  # entry points need not be read
             return next(name for name, target in self.built_in.items() if target == own)
@@ -129,15 +104,10 @@ class Registry:
         )
 
     def from_saved(self, name: str, options: Mapping[str, Any]) -> Any:
-        """An instance of a class that a model file names.
+        """An instance of a class that a model file names; ModelFileError if it is not installed.
 
         Only registered classes are allowed: a file must not choose imports. Former names of options
         and values are translated.
-
-        Raises
-        ------
-        ModelFileError
-            No class of that name is installed.
         """
         if self._target(name) is None and name in self.retired:
             raise ModelFileError(

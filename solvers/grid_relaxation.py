@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places import _core
 from pgm_places._checks import integer_array, row_blocks
 from pgm_places.errors import InputError
-from pgm_places.graph.mask_cells import MaskCells
+from pgm_places.graph.layout import MaskCells
 from pgm_places.kernels.lazy_memory import MappedPlanes
 from pgm_places.kernels.threads import run_parts, run_tasks
 from pgm_places.solvers import relaxation

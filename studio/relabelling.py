@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.labelers.labelled_places import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces, window_to_label
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -10,7 +10,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, load_config
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import DATA_VARIABLE, Experiment
-from pgm_places.experiment.map_config import MapConfig
+from pgm_places.experiment.source_config import MapConfig
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import plain_values

@@ -12,8 +12,8 @@ from experiments.paper.region_scores import RegionScores, fill_labels, score_reg
 from experiments.paper.section import Finding, Outcome, Picture, Table
 from experiments.paper.setting import WAYS, Setting
 from pgm_places.experiment.evaluated_items import TestItem
-from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
+from pgm_places.experiment.sources import load_maps
 from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.from_labels import topological_map

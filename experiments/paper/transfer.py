@@ -5,8 +5,8 @@ from experiments.paper.figures import DOORWAY, by_way, method_findings, method_t
 from experiments.paper.section import Outcome, Picture, Table
 from experiments.paper.setting import AS_PRINTED, WAYS, Setting
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
+from pgm_places.experiment.sources import load_maps
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -21,8 +21,7 @@ from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
 from pgm_places.io.logs.log_lines import follow_files, follow_lines
 from pgm_places.io.logs.pose_csv import iter_pose_csv
 from pgm_places.io.output_set import output_set
-from pgm_places.labelers.online import OnlineLabeler
-from pgm_places.labelers.tracking import Track
+from pgm_places.labelers.tracking import OnlineLabeler, Track
 from pgm_places.labelling.files import TRACK
 from pgm_places.live.place_finder import FoundPlace, PlaceOfMap
 from pgm_places.progress import Progress

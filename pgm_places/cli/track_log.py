@@ -21,11 +21,11 @@ from pgm_places.io.logs.pose_csv import with_truth
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import output_set
-from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.tracking import Track, map_of_scans
 from pgm_places.labelling.files import TRACK, output_file_names, write_labelled
+from pgm_places.labelling.label import label_map_and_drive
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.persistence.map_prior import LabelledMapFolder, read_labelled_map

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, require_at_least
 from pgm_places.errors import InputError
-from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, paired_labels
+from pgm_places.evaluation.evaluation import accuracy, balanced_accuracy, paired_labels
 
 ERRORS = 2.5
 """Standard errors of a significant lead, high because some fifty sets of options compete."""
@@ -27,14 +27,10 @@ def is_ahead(
 ) -> bool:
     """Whether a lead is above 0 by more than :data:`ERRORS` standard errors.
 
-    Parameters
-    ----------
-    lead : (N,) float
-        Per step: 1 if only the first labelling is right, -1 if only the second is.
-    stretch : (N,) int
-        The stretch of each step; stretches are independent, steps within one are not.
-    counts : (N,) float, optional
-        Weight of each step: a stretch with weights of 2 counts as two equal stretches.
+    ``lead`` (N,) is 1 for a step that only the first labelling has right, -1 for only the second.
+    ``stretch`` (N,) is the stretch of each step; stretches are independent, steps within one are
+    not. With ``counts`` (N,), weights of the steps, a stretch with weights of 2 counts as two equal
+    stretches.
 
     Examples
     --------
@@ -129,12 +125,8 @@ class Interval:
     def of(cls, values: NDArray[np.float64], confidence: float = 0.95) -> Self:
         """The first value, with percentiles of the others that are not NaN.
 
-        Parameters
-        ----------
-        values : (1 + R,) float
-            A score of all nodes, then of each resample, as for :meth:`Resamples.confusions`.
-        confidence : float
-            Probability mass of the interval, between 0 and 1.
+        ``values`` (1 + R,) are a score of all nodes, then of each resample, as for
+        :meth:`Resamples.confusions`.
         """
         if not 0 < confidence < 1:
             raise InputError(f"confidence must be between 0 and 1, got {confidence}")
@@ -148,18 +140,9 @@ class Resamples:
     """Draws of blocks of nodes with replacement, shared by all labellings of the nodes.
 
     Scores of two labellings on the same draws are paired: a difficult block is difficult for both,
-    so that the difference of two scores varies less than either.
-
-    Parameters
-    ----------
-    truth : (N,) int
-        True labels, -1 where unknown.
-    n_labels : int
-        K.
-    block : (N,) int
-        The block of each node with a true label, numbered from 0; 0 elsewhere.
-    draws : (R, B) int
-        How often each resample contains each block.
+    so that the difference of two scores varies less than either. ``truth`` (N,) is -1 where
+    unknown, ``block`` (N,) the block of each node with a true label, ``draws`` (R, B) how often
+    each resample contains each block.
     """
 
     truth: NDArray[np.int64]
@@ -210,14 +193,8 @@ def pooled(repetitions: Sequence[NDArray[np.int64]], *, seed: int = 0) -> NDArra
     First of all of them together, then of draws of both blocks and labellings, so that the interval
     includes a method's randomness. Methods with equally many labellings get the same draws, so that
     their differences are paired by seed and by block. The interval is conservative (A. Owen, The
-    pigeonhole bootstrap, Annals of Applied Statistics, 2007).
-
-    Parameters
-    ----------
-    repetitions : sequence of (1 + R, K, K) int
-        :meth:`Resamples.confusions` of each labelling.
-    seed : int
-        Seed of the draws.
+    pigeonhole bootstrap, Annals of Applied Statistics, 2007). ``repetitions`` are
+    :meth:`Resamples.confusions` of each labelling.
     """
     n, n_resamples = len(repetitions), len(repetitions[0]) - 1
     if n == 1:
@@ -241,23 +218,9 @@ def block_bootstrap(
     """Confidence intervals of accuracy and balanced accuracy by resampling blocks of nodes.
 
     Errors of neighbouring cells are correlated, so single cells are not independent samples; blocks
-    (see :func:`square_blocks`, or ``step // length`` on a trajectory) nearly are. The intervals are
-    percentiles over ``n_resamples`` draws of the total number of blocks, with replacement.
-
-    Parameters
-    ----------
-    truth, predicted : (N,) int
-        As in :func:`pgm_places.evaluation.evaluation.evaluate`.
-    blocks : (N,) int
-        Block number of each node.
-    n_labels : int
-        K.
-    n_resamples : int
-        Number of draws.
-    confidence : float
-        Probability mass of the intervals, between 0 and 1.
-    seed : int
-        Seed of the draws.
+    (N,) (see :func:`square_blocks`, or ``step // length`` on a trajectory) nearly are. The
+    intervals are percentiles over ``n_resamples`` draws of the total number of blocks, with
+    replacement.
     """
     confusions = Resamples.of(
         truth, blocks, n_labels=n_labels, n_resamples=n_resamples, seed=seed

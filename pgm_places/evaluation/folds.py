@@ -20,16 +20,7 @@ def cross_fit(
     fit: Callable[[int], M],
     name: str = "held-out scores",
 ) -> dict[int, M]:
-    """For each fold, the model that ``fit`` returns for all rows outside it.
-
-    Parameters
-    ----------
-    folds : (n,) int64
-        The fold of each row.
-    fit : callable
-        From the number of a fold to the model of all other rows.
-    name : str
-        The name of the progress stage.
+    """For each fold in ``folds`` (n,), the model that ``fit`` returns for all rows outside it.
 
     Examples
     --------
@@ -73,15 +64,8 @@ def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
     """(N,) block number of each position: stripes of about equal size across the longer side.
 
     Neighbouring cells look alike, so held-out cells must not lie between training cells; stripes
-    separate them except at their borders. Positions with the same coordinate along that side are in
-    the same block.
-
-    Parameters
-    ----------
-    places : (N, D) int or float
-        Cells or positions.
-    n_blocks : int
-        Number of stripes, at least 1.
+    separate them except at their borders. Positions (N, D) with the same coordinate along that side
+    are in the same block.
     """
     require_at_least("n_blocks", n_blocks, 1)
     positions = np.asarray(places)

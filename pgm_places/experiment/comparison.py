@@ -1,17 +1,18 @@
-"""The results of several methods on the same maps."""
+"""The results of several methods on the same data, and merging over splits or seeds."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pgm_places import plotting
-from pgm_places.evaluation import confusion
+from pgm_places.evaluation import evaluation as metrics
 from pgm_places.evaluation.bootstrap import Interval, Resamples, pooled
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.evaluated_items import TestItem, blocks_of
+from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.significance import Significance, judge
 from pgm_places.inference.labeling import Labeling
 from pgm_places.plotting import Plotted, axes_or_new, data_frame
@@ -19,6 +20,7 @@ from pgm_places.spaces.door_truth import DoorScores
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
 
 _FIGURES = {"accuracy": "accuracy", "balanced_accuracy": "balanced accuracy"}
 
@@ -100,17 +102,7 @@ class Comparison(Plotted):
     gates: tuple[DoorScores, ...] = ()
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw accuracy and balanced accuracy of the methods with their 95 % intervals.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New axes if not given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-        """
+        """Draw accuracy and balanced accuracy of the methods with their 95 % intervals."""
         bars = {
             title: [100 * getattr(method.evaluation, figure) for method in self.methods]
             for figure, title in _FIGURES.items()
@@ -131,18 +123,10 @@ class Comparison(Plotted):
         return (0.0, 0.0) if interval is None else (interval.low - value, interval.high - value)
 
     def to_dataframe(self) -> Any:
-        """The methods as a pandas table.
+        """The methods as a pandas table; InputError if pandas is not installed.
 
-        Returns
-        -------
-        pandas.DataFrame
-            Index ``method``; columns ``accuracy``, ``balanced_accuracy``, the ends of their 95 %
-            intervals, ``recall`` of each label, from 0 to 1, and seconds by stage.
-
-        Raises
-        ------
-        InputError
-            pandas is not installed.
+        Index ``method``; columns ``accuracy``, ``balanced_accuracy``, the ends of their 95 %
+        intervals, ``recall`` of each label, from 0 to 1, and seconds by stage.
         """
         columns: dict[str, Any] = {"method": [method.id for method in self.methods]}
         for figure in _FIGURES:
@@ -229,8 +213,8 @@ def score_intervals(
         ]
     )
     return {
-        "accuracy": Interval.of(confusion.accuracy(counts)),
-        "balanced_accuracy": Interval.of(confusion.balanced_accuracy(counts)),
+        "accuracy": Interval.of(metrics.accuracy(counts)),
+        "balanced_accuracy": Interval.of(metrics.balanced_accuracy(counts)),
     }
 
 
@@ -267,3 +251,128 @@ def _numbers(values: object) -> list[float]:
     except (TypeError, ValueError):
         return []
     return array.tolist() if array.ndim == 1 else []
+
+
+def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: str) -> Comparison:
+    """Merge the comparisons of all splits by name, with the test items of all.
+
+    ``experiment`` receives the warnings of all parts; ``words`` are appended to the title.
+    """
+    every = list(parts.values())
+    first, maps = every[0], tuple(result for part in every for result in part.maps)
+    ends = np.cumsum([0, *(len(part.maps) for part in every)]).tolist()
+    methods = []
+    for results in zip(*(part.methods for part in every), strict=True):
+        merged = _concatenated(results)
+        intervals = score_intervals(maps, [merged.labelings], len(first.label_names))
+        choices = _choices(dict(zip(parts, [result.choices for result in results], strict=True)))
+        methods.append(replace(merged, intervals=intervals, choices=choices))
+    return replace(
+        _noted(experiment, every),
+        title=f"{first.title}: {words}",
+        maps=maps,
+        methods=tuple(methods),
+        splits={name: range(*ends[k : k + 2]) for k, name in enumerate(parts)},
+        selection=None,
+        gates=tuple(scores for part in every for scores in part.gates),
+        choices=_choices({name: part.choices for name, part in parts.items()}),
+    )
+
+
+def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Comparison:
+    """Merge the comparisons of the same data with several seeds.
+
+    Figures are over all seeds. Labellings, histories, doors and learned values are of the first
+    seed; ``by_seed`` of each method has the labellings of all seeds.
+    """
+    every, methods = list(parts.values()), []
+    first = every[0]
+    for results in zip(*(part.methods for part in every), strict=True):
+        pooled = _pooled(dict(zip(parts, results, strict=True)))
+        labelings = [result.labelings for result in results]
+        intervals = score_intervals(first.maps, labelings, len(first.label_names))
+        choices = _choices(
+            {f"seed {seed}": result.choices for seed, result in zip(parts, results, strict=True)}
+        )
+        methods.append(replace(pooled, intervals=intervals, choices=choices))
+    if all(_is_independent_of_seed(method) for method in methods):
+        experiment.warn(
+            f"the labels of all methods are equal for all {len(parts)} seeds, because their "
+            "training is not random; compare on several splits instead"
+        )
+    return replace(
+        _noted(experiment, every),
+        title=f"{first.title}, {len(parts)} seeds",
+        methods=tuple(methods),
+        selection=None,
+        choices=_choices({f"seed {seed}": part.choices for seed, part in parts.items()}),
+    )
+
+
+def _choices(parts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """The choices of all parts: once if they agree, else with the name of each part."""
+    chosen: dict[str, str] = {}
+    for option in dict.fromkeys(option for choices in parts.values() for option in choices):
+        words = {name: choices[option] for name, choices in parts.items() if option in choices}
+        if len(words) == len(parts) and len({*words.values()}) == 1:
+            chosen[option] = next(iter(words.values()))
+        else:
+            chosen |= {f"{option} ({name})": text for name, text in words.items()}
+    return chosen
+
+
+def _noted(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:
+    """The first part with the seconds, inputs and warnings of all."""
+    seconds: dict[str, float] = {}
+    inputs = dict(experiment.inputs)
+    for part in parts:
+        inputs |= part.inputs
+        for name, value in part.stage_seconds.items():
+            seconds[name] = seconds.get(name, 0.0) + value
+        for message in part.warnings:
+            experiment.warn(message)
+    notes = tuple(experiment.warnings)
+    return replace(parts[0], stage_seconds=seconds, inputs=inputs, warnings=notes)
+
+
+def _concatenated(results: Sequence[MethodResult]) -> MethodResult:
+    """The results of one method on all splits, without learned values, which differ."""
+    return replace(
+        results[0],
+        labelings=tuple(item for result in results for item in result.labelings),
+        evaluations=tuple(item for result in results for item in result.evaluations),
+        evaluation=Evaluation.merged([result.evaluation for result in results]),
+        seconds={key: sum(result.seconds[key] for result in results) for key in ("learn", "infer")},
+        learned={},
+        histories=tuple(item for result in results for item in result.histories),
+        learning={},
+        doors=tuple(item for result in results for item in result.doors),
+    )
+
+
+def _pooled(results: Mapping[int, MethodResult]) -> MethodResult:
+    """The results of one method with all seeds; seconds are means over seeds."""
+    every = list(results.values())
+    by_map = zip(*(result.evaluations for result in every), strict=True)
+    return replace(
+        every[0],
+        evaluations=tuple(Evaluation.merged(list(of_seeds)) for of_seeds in by_map),
+        evaluation=Evaluation.merged([result.evaluation for result in every]),
+        seconds={
+            key: float(np.mean([result.seconds[key] for result in every]))
+            for key in ("learn", "infer")
+        },
+        by_seed={
+            seed: SeedResult(result.labelings, result.evaluation)
+            for seed, result in results.items()
+        },
+    )
+
+
+def _is_independent_of_seed(method: MethodResult) -> bool:
+    first, *others = (result.labelings for result in method.by_seed.values())
+    return all(
+        np.array_equal(one.labels, two.labels)
+        for other in others
+        for one, two in zip(first, other, strict=True)
+    )

@@ -15,7 +15,6 @@ from typing import Annotated, Any, Literal
 from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
-from pgm_places.experiment.config_presets import with_preset
 from pgm_places.experiment.source_config import (
     SourceConfig,
     SplitConfig,
@@ -28,7 +27,7 @@ from pgm_places.inference.backends import METHODS
 from pgm_places.io.input_file import read_toml
 from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
-from pgm_places.labelers.presets import Preset
+from pgm_places.labelers.presets import Preset, with_preset
 from pgm_places.options import OptionError, Options, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -323,10 +322,8 @@ def _sources(config: ExperimentConfig) -> Iterator[tuple[str, SourceConfig]]:
 def load_config(path: Path, *, preset: str | None = None) -> ExperimentConfig:
     """The checked configuration of a TOML file; ``preset`` overrides the file's preset.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, is not TOML, or contains an unknown key, value or method.
+    ConfigError if the file cannot be read, is not TOML, or contains an unknown key, value or
+    method.
     """
     content = read_toml(path, ConfigError, "a configuration (TOML)")
     if preset is not None:

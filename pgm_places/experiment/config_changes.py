@@ -11,17 +11,9 @@ from pgm_places.options import option_values, plain_values
 def changed_config(config: ExperimentConfig, changes: Mapping[str, object]) -> ExperimentConfig:
     """The configuration with values replaced by dotted keys, checked like a file.
 
-    Parameters
-    ----------
-    config : ExperimentConfig
-    changes : mapping of str to value
-        ``"classifier.n_rounds"``, ``"resolution_m"`` or ``"train"`` as in the file; an option of a
-        method by the method's id: ``"methods.amn.C"``.
-
-    Raises
-    ------
-    ConfigError
-        A key does not exist, or a value does not fit it.
+    Keys are those of the file, such as ``"classifier.n_rounds"`` or ``"train"``; an option of a
+    method has the method's id: ``"methods.amn.C"``. ConfigError if a key does not exist, or a value
+    does not fit it.
 
     Examples
     --------

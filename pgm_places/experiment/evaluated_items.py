@@ -1,9 +1,9 @@
 """Evaluated maps, drives and graphs of a comparison, with their true labels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,22 +32,9 @@ STRETCH_M = 5.0
 
 @dataclass(frozen=True, eq=False)
 class EvalMap:
-    """An evaluated map with its ground truth.
+    """An evaluated map with its true labels (H, W), -1 where unknown.
 
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    grid : OccupancyGrid
-        The map.
-    truth : (H, W) int16
-        True label index per cell, -1 where unknown.
-    layout : GridLayout
-        The labelled cells: the free cells inside the window.
-    window : (H, W) bool
-        The tested part of the map.
-    building : str, optional
-        Name of the building.
+    ``layout`` has the free cells inside ``window`` (H, W), the tested part of the map.
     """
 
     name: str
@@ -88,17 +75,7 @@ class _Painted:
 
 @dataclass(frozen=True, eq=False)
 class EvalDrive(_Painted):
-    """An evaluated drive with its true labels.
-
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    trajectory : Trajectory
-        With true labels.
-    grid : OccupancyGrid
-        The map of the drive, or one built from its scans.
-    """
+    """An evaluated drive with its true labels, and its map, or one built from its scans."""
 
     name: str
     trajectory: Trajectory
@@ -131,18 +108,7 @@ class EvalDrive(_Painted):
 
 @dataclass(frozen=True, eq=False)
 class EvalGraph(_Painted):
-    """An evaluated user-defined graph with its true labels.
-
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    graph : LabelGraph
-    node_truth : (N,) int
-        True label of each node, -1 where unknown or observed.
-    building : str, optional
-        Name of the group of graphs.
-    """
+    """An evaluated user-defined graph; true labels (N,) are -1 where unknown or observed."""
 
     name: str
     graph: LabelGraph
@@ -172,6 +138,23 @@ class EvalGraph(_Painted):
 
 
 TestItem = EvalMap | EvalDrive | EvalGraph
+
+
+class ScoredTest(NamedTuple):
+    """A test source with the scores of its nodes, computed once for all methods.
+
+    ``label`` returns the labelling of each item by the method of an id. ``doors`` returns the door
+    counts of each item from its labelling and the label of doorways, ``gates`` the counts of doors
+    matched by gates; () if there are none.
+    """
+
+    items: Sequence[TestItem]
+    label: Callable[[str], Sequence[Labeling]]
+    doors: Callable[[Sequence[Labeling], int], tuple[DoorScores, ...]] = lambda *_: ()
+    gates: Callable[[int], tuple[DoorScores, ...]] = lambda _: ()
+
+
+Tested = Literal["maps", "drives", "graphs"]
 
 
 def blocks_of(items: Sequence[TestItem]) -> NDArray[np.int64]:
@@ -205,14 +188,6 @@ def door_scores(item: EvalMap, labeling: Labeling, doorway: int) -> DoorScores:
     """Count the detected, missed and false doors of a method on a map.
 
     The method's doors are connected components of cells labelled as doorways.
-
-    Parameters
-    ----------
-    item : EvalMap
-    labeling : Labeling
-        Labels of the map's cells.
-    doorway : int
-        The label of doorways.
     """
     painted = item.layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
     match = match_painted(painted, item.grid, _known(item), doorway)

@@ -23,22 +23,11 @@ DATA_VARIABLE = "PGM_PLACES_DATA"
 
 @dataclass(frozen=True)
 class Experiment:
-    """A configuration with its folder, and the records of its runs.
+    """A configuration with the folder of its paths, and the records of its runs.
 
-    Parameters
-    ----------
-    config : ExperimentConfig
-    folder : Path
-        Folder that the configuration's paths are relative to.
-    progress : Progress
-    n_threads : int, optional
-    feature_cache : FeatureCache, optional
-        Cache of the features of training maps.
-    selection : mapping, optional
-        The candidates of a selection of options (``Selection.to_dict``).
-    inputs, seconds, warnings
-        Records, shared by all variants of an experiment (``dataclasses.replace``): the hash of each
-        input file, the seconds of each stage, and warnings.
+    ``selection`` has the candidates of a selection of options. Variants of an experiment
+    (``dataclasses.replace``) share the records: the hash of each input file, the seconds of each
+    stage, and warnings.
     """
 
     config: ExperimentConfig

@@ -30,14 +30,8 @@ class FeatureCache:
     """A folder of feature tables, by hash of the map's content.
 
     A table takes 1.3 kB per cell. Missing or unreadable tables are computed and stored. Tables are
-    never removed, but the folder may be deleted at any time.
-
-    Parameters
-    ----------
-    folder : Path
-        Created if needed.
-    tell : callable, optional
-        Called with a line on the size of the tables before they are written.
+    never removed, but the folder may be deleted at any time. ``tell`` is called with a line on the
+    size of the tables before they are written.
     """
 
     folder: Path
@@ -70,13 +64,7 @@ class FeatureCache:
         return np.asarray(table)
 
     def check_space(self, shapes: Sequence[tuple[int, int]]) -> None:
-        """Report the size of tables of these shapes.
-
-        Raises
-        ------
-        OutputError
-            The disk has not enough space for them.
-        """
+        """Report the size of tables of these shapes; OutputError if the disk is too small."""
         n_cells = sum(n for n, _ in shapes)
         if not n_cells:
             return
@@ -96,13 +84,7 @@ class FeatureCache:
             self.tell(f"{what} will take {_size(n_bytes)} in {self.folder}")
 
     def put(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
-        """Write a table block by block: row indices and rows (n, F).
-
-        Raises
-        ------
-        OutputError
-            The folder cannot be written.
-        """
+        """Write a table block by block: row indices and rows (n, F)."""
         with atomic_file(self._path(key)) as path:
             table = open_memmap(path, "w+", np.float32, shape)
             _reserve(path)

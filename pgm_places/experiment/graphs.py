@@ -18,19 +18,10 @@ from pgm_places.io.csv_table import GraphTables, Table, read_graphml, read_table
 
 @dataclass(frozen=True, eq=False)
 class SourceGraph:
-    """A labelled graph.
+    """A labelled graph; true labels (N,) are -1 where unknown or observed.
 
-    Parameters
-    ----------
-    name : str
-        Its name in tables.
-    problem : LabelingProblem
-    truth : (N,) int
-        True label of each node, -1 where unknown or observed.
-    building : str
-        Name of the group of graphs that are held out together.
-    features : (tuple of str, tuple of str)
-        Names of the columns of node features and of edge features.
+    ``building`` is the group of graphs that are held out together, ``features`` are the names of
+    the columns of node features and of edge features.
     """
 
     name: str
@@ -47,17 +38,10 @@ class SourceGraph:
 def load_graphs(
     experiment: Experiment, part: str, like: Sequence[SourceGraph] = ()
 ) -> list[SourceGraph]:
-    """The graphs of ``"train"`` or ``"test"``, in order.
+    """The graphs of ``"train"`` or ``"test"``, in order, with the features of the graphs ``like``.
 
-    They must have the features of the graphs ``like``.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, a column is missing or has invalid values, or features differ between
-        graphs.
-    LabelError
-        No node of a graph has a true label that is not observed.
+    InputError if a file cannot be read, a column is missing or has invalid values, or features
+    differ; LabelError if no node of a graph has a true label that is not observed.
     """
     graphs = experiment.loaded(part, "graphs", lambda _: True, _load)
     for index, graph in enumerate(graphs):

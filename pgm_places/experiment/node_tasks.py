@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import NO_MODEL, ExperimentConfig
-from pgm_places.experiment.drives import SourceDrive, counted_objects
 from pgm_places.experiment.evaluated_items import (
     EvalDrive,
     EvalGraph,
     EvalMap,
+    ScoredTest,
+    Tested,
     door_scores,
     gate_scores,
     passage_scores,
@@ -29,8 +30,7 @@ from pgm_places.experiment.setup import (
     step_labeler,
     step_methods,
 )
-from pgm_places.experiment.sources import Sources
-from pgm_places.experiment.task import ScoredTest, Tested
+from pgm_places.experiment.sources import SourceDrive, Sources, counted_objects
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
@@ -57,14 +57,8 @@ def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> Place
     """The base model of the configuration, trained further on the training maps one by one.
 
     Without a base model (``"none"``), the first map is the training data of the first model.
-
-    Raises
-    ------
-    ModelFileError
-        There is no such model.
-    LabelError
-        A label of the model is not in the configuration; or, without a model, the first map has
-        fewer than two labels.
+    ModelFileError if there is no such model; LabelError if a label of the model is not in the
+    configuration or, without a model, the first map has fewer than two labels.
     """
     config = experiment.config
     labeler = _base_model(experiment)

@@ -14,12 +14,11 @@ from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.overlap import warn_of_overlap
 from pgm_places.experiment.selection import select, selected_words
 from pgm_places.experiment.setup import AnyMethod, resolved_config
 from pgm_places.experiment.sources import Source, Sources, load_sources
-from pgm_places.experiment.task import Task
-from pgm_places.experiment.tasks import Trained, label_tests, learned, task_of, tests_of
+from pgm_places.experiment.splits import warn_of_overlap
+from pgm_places.experiment.tasks import Task, Trained, label_tests, learned, task_of, tests_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.labeler import learned_with
 from pgm_places.options import option_values
@@ -53,10 +52,7 @@ def _trained(task: Task, experiment: Experiment, sources: Sources) -> Trained:
 def compare(experiment: Experiment) -> Comparison:
     """Train all methods of the configuration and evaluate them on its test data.
 
-    Raises
-    ------
-    ConfigError
-        There are no test data.
+    ConfigError if there are no test data.
     """
     if not experiment.config.test:
         raise ConfigError(

@@ -19,10 +19,9 @@ from pgm_places.evaluation.folds import (
 )
 from pgm_places.experiment.config import ExperimentConfig, SelectConfig
 from pgm_places.experiment.config_changes import changed_config
-from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
-from pgm_places.experiment.sources import Source, Sources
+from pgm_places.experiment.sources import Source, SourceDrive, Sources
 from pgm_places.experiment.tasks import label_tests, learned, task_of, tests_of
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Silent
@@ -33,17 +32,7 @@ MOST_CANDIDATES = 200
 
 @dataclass(frozen=True)
 class SelectionCandidate:
-    """A combination of options and its score on held-out cells or steps.
-
-    Parameters
-    ----------
-    options : dict
-        Values by dotted key.
-    score : float
-        The criterion over the held-out nodes of all folds.
-    by_fold : tuple of float
-        The criterion of each fold.
-    """
+    """A combination of options by dotted key, and its criterion on held-out nodes, also by fold."""
 
     options: dict[str, Any]
     score: float
@@ -95,20 +84,8 @@ def selected_words(record: Mapping[str, Any] | None) -> dict[str, str]:
 def select(experiment: Experiment, sources: Sources) -> Selection:
     """Train and evaluate each combination of the options in ``[select]`` on held-out folds.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        Its configuration has a table ``[select]``.
-    sources : Sources
-        The training data; test data are not used. For steps of drives, methods are evaluated on
-        held-out drives only.
-
-    Raises
-    ------
-    ConfigError
-        There are no combinations or too many, or an option does not exist.
-    LabelError
-        No fold can be held out.
+    For steps of drives, methods are evaluated on held-out drives only. ConfigError if there are no
+    combinations or too many, or an option does not exist; LabelError if no fold can be held out.
     """
     settings = experiment.config.select
     if settings is None:
@@ -139,17 +116,12 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
 
 
 def held_out_splits(sources: Sources, n_folds: int, n_labels: int) -> list[tuple[Sources, Sources]]:
-    """The training and test data of each fold.
+    """The training and test data of each fold; LabelError if no fold is left.
 
     Buildings are held out if there are several, otherwise stripes of the only one; not single cells
     or steps, because neighbours are alike. Folds without training examples of some label are
     skipped, and, if there are drives, folds without a held-out drive. Held-out nodes of a graph
     remain in its training graph, without labels.
-
-    Raises
-    ------
-    LabelError
-        No fold is left.
     """
     labels = [_labels(item) for item in sources.all]
     known = [each >= 0 for each in labels]

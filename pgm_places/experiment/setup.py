@@ -49,13 +49,7 @@ def _of_maps(method: MethodConfig) -> Unary:
 
 
 def one_method(config: ExperimentConfig, what: str) -> None:
-    """Check that there is one method, as a stored model of drives or graphs requires.
-
-    Raises
-    ------
-    ConfigError
-        The configuration has several methods.
-    """
+    """Raise ConfigError for several methods; a stored model of drives or graphs has one."""
     if len(config.methods) > 1:
         ids = ", ".join(method.id for method in config.methods)
         raise ConfigError(
@@ -67,10 +61,7 @@ def one_method(config: ExperimentConfig, what: str) -> None:
 def step_methods(config: ExperimentConfig) -> dict[str, object]:
     """The unfitted methods for steps, or for steps and cells, by their ids.
 
-    Raises
-    ------
-    ConfigError
-        A method for chains is used for graphs with cycles, or ``unary`` is set.
+    ConfigError if a method for chains is used for graphs with cycles, or ``unary`` is set.
     """
     methods = {}
     for method in config.methods:

@@ -7,25 +7,25 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation import confusion
+from pgm_places.evaluation import evaluation as metrics
 from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, pooled
 from pgm_places.experiment.evaluated_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 
 FIGURES: Mapping[str, Callable[[NDArray[np.generic]], NDArray[np.float64]]] = {
-    "accuracy": confusion.accuracy,
-    "balanced_accuracy": confusion.balanced_accuracy,
-    "macro_f1": lambda counts: confusion.mean_of_defined(confusion.f1(counts)),
-    "mean_iou": lambda counts: confusion.mean_of_defined(confusion.iou(counts)),
-    "mcc": confusion.mcc,
+    "accuracy": metrics.accuracy,
+    "balanced_accuracy": metrics.balanced_accuracy,
+    "macro_f1": lambda counts: metrics.mean_of_defined(metrics.f1(counts)),
+    "mean_iou": lambda counts: metrics.mean_of_defined(metrics.iou(counts)),
+    "mcc": metrics.mcc,
 }
 TESTED = ("accuracy", "balanced_accuracy")
 """Figures whose differences are listed and tested over buildings."""
 
 BY_LABEL: Mapping[str, Callable[[NDArray[np.generic]], NDArray[np.float64]]] = {
-    "recall": confusion.recall,
-    "precision": confusion.precision,
-    "iou": confusion.iou,
+    "recall": metrics.recall,
+    "precision": metrics.precision,
+    "iou": metrics.iou,
 }
 LEVEL = 0.05
 # With fewer buildings, the sign test cannot reach the level.
@@ -34,22 +34,11 @@ FEWEST_BUILDINGS = 6
 
 @dataclass(frozen=True)
 class Difference:
-    """The difference of two methods in a figure, the first minus the second.
+    """The difference of two methods in accuracy or balanced accuracy, the first minus the second.
 
-    Parameters
-    ----------
-    first, second : str
-        The ids of the methods.
-    figure : str
-        ``accuracy`` or ``balanced_accuracy``.
-    interval : Interval
-        The difference with its 95 % interval, from common resampled blocks.
-    buildings : SignTest
-        Numbers of buildings in which the first or the second method is better.
-    by_seed : tuple of float
-        The difference for each common seed, for training with several seeds.
-    values : (float, float), optional
-        The figure of both methods.
+    The 95 % interval is from common resampled blocks. ``buildings`` counts the buildings in which
+    either method is better, ``by_seed`` has the difference for each common seed, ``values`` the
+    figure of both methods.
     """
 
     first: str
@@ -113,15 +102,10 @@ class Difference:
 
 @dataclass(frozen=True)
 class Significance:
-    """Significance of the differences in a comparison.
+    """Significance of the differences for every pair of methods in a comparison.
 
-    Parameters
-    ----------
-    differences : tuple of Difference
-        For every pair of methods in accuracy and balanced accuracy.
-    leaders : mapping of str to frozenset of str
-        By figure (for labels such as ``recall of room``), the methods that are not significantly
-        worse than the one with the highest value. A single one is significantly best.
+    ``leaders`` has, by figure (for labels such as ``recall of room``), the methods that are not
+    significantly worse than the one with the highest value. A single one is significantly best.
     """
 
     differences: tuple[Difference, ...]
@@ -163,13 +147,7 @@ def judge(
 
     Figures are over all seeds, and differences are paired by seed: intervals resample seeds and
     blocks in common for both methods. The sign test over buildings uses figures over all seeds.
-
-    Parameters
-    ----------
-    items : sequence of TestItem
-    labelings : mapping of str to sequence of sequence of Labeling
-        Labellings of each seed and item, by the id of the method.
-    label_names : sequence of K str
+    ``labelings`` has, by the id of the method, a labelling of each seed and item.
     """
     if len(labelings) < 2:
         return Significance((), {})
@@ -239,7 +217,7 @@ def _by_building(
         known, counts = truth >= 0, np.zeros((n_labels, n_labels), np.int64)
         for labelings in repetitions:
             labels = np.concatenate([labelings[k].labels for k in chosen])
-            counts += confusion.confusion_matrix(truth[known], labels[known], n_labels)
+            counts += metrics.confusion_matrix(truth[known], labels[known], n_labels)
         for name in TESTED:
             figures[name].append(float(FIGURES[name](counts)))
     return figures

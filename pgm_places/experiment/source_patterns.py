@@ -15,12 +15,8 @@ from pgm_places.io.input_file import user_path
 def resolved_path(name: str, folder: Path) -> Path:
     """The absolute path of a name in a configuration in ``folder``.
 
-    A leading ``$NAME`` is replaced by the folder in this environment variable.
-
-    Raises
-    ------
-    ConfigError
-        The variable is not set, or no file can have this name.
+    A leading ``$NAME`` is replaced by the folder in this environment variable. ConfigError if the
+    variable is not set, or no file can have this name.
     """
     if name.startswith("$"):
         variable, _, rest = name[1:].partition("/")
@@ -49,21 +45,8 @@ def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> di
     ``map = "floors/*/map.yaml"`` stands for all matching files, sorted by name. ``labels``,
     ``regions`` or ``corrections`` is a pattern with the same number of wildcards, which are
     replaced by the text that matches in the map's path. ``buildings`` is a table (CSV) with columns
-    ``map``, a name or a path relative to the table, and ``building``.
-
-    Parameters
-    ----------
-    content : mapping
-        Result of ``tomllib``.
-    folder : Path
-        Folder of the configuration.
-    where : str
-        Name of the configuration in messages.
-
-    Raises
-    ------
-    ConfigError
-        A pattern matches nothing or has another number of wildcards, or a map has no building.
+    ``map``, a name or a path relative to the table, and ``building``. ConfigError if a pattern
+    matches nothing or has another number of wildcards, or a map has no building.
     """
     made = dict(content)
     for part in ("train", "test"):

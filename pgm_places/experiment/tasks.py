@@ -1,19 +1,53 @@
-"""Training the methods of an experiment, and labelling its test data with them."""
+"""Tasks of an experiment: training of methods, and labelling of test data with them."""
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from pgm_places.experiment.config import ExperimentConfig
-from pgm_places.experiment.evaluated_items import TestItem
+from pgm_places.experiment.evaluated_items import ScoredTest, Tested, TestItem
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.node_tasks import CellTask, GraphTask, StepAndCellTask, StepTask
 from pgm_places.experiment.setup import AnyMethod
 from pgm_places.experiment.sources import Source, Sources
-from pgm_places.experiment.task import Labelers, Task
 from pgm_places.inference.labeling import Labeling
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.structured_labeler import StructuredLabeler
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.spaces.door_truth import DoorScores
+
+AnyLabeler = PlaceLabeler | TrajectoryLabeler | JointLabeler | StructuredLabeler
+Labelers = Mapping[str, AnyLabeler]
+"""The fitted labeler of each method by its id; a PlaceLabeler is shared by all its methods."""
+
+
+class Task(Protocol):
+    """The task of a configuration: training and test labelling of one kind of nodes.
+
+    The constructor builds the labelers and reports invalid options before anything is read. A task
+    is trained once.
+    """
+
+    tested: ClassVar[Tested]
+    """The kind of test sources."""
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        """Build the labelers."""
+
+    def check_savable(self) -> None:
+        """Check that the trained labelers can be saved as one model."""
+
+    def learn(self, experiment: Experiment, sources: Sources) -> Labelers:
+        """A fitted labeler for each method."""
+
+    def scored(self, experiment: Experiment, labelers: Any, source: Any, /) -> ScoredTest:
+        """A test source with its scores."""
+
+    def method(self, name: str, labeler: Any, /) -> AnyMethod:
+        """A fitted method by its id, with its unary."""
+
 
 TASKS: Mapping[str, type[Task]] = {
     "cells": CellTask,
@@ -35,15 +69,7 @@ def tests_of(config: ExperimentConfig, sources: Sources) -> list[Source]:
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """Fitted methods, and the experiment with the options of their training.
-
-    Parameters
-    ----------
-    task : Task
-    experiment : Experiment
-    labelers : mapping of str to labeler
-        By the id of the method; a PlaceLabeler is shared by all its methods.
-    """
+    """Fitted methods by id, and the experiment with the options of their training."""
 
     task: Task
     experiment: Experiment
@@ -71,19 +97,10 @@ def learned(task: Task, experiment: Experiment, sources: Sources) -> Trained:
 
 
 class Labelled(NamedTuple):
-    """The labelled test items, by the id of each method.
+    """The labelled test items, and seconds to label them, by the id of each method.
 
-    Parameters
-    ----------
-    items : tuple of TestItem
-    labelings : mapping of str to tuple of Labeling
-        One per item.
-    doors : mapping of str to tuple of DoorScores
-        One per item, or () without a label for doorways.
-    seconds : mapping of str to float
-        Time to label all items.
-    gates : tuple of DoorScores
-        One per item, or () without gates or without a label for doorways.
+    Labellings, doors and gates are one per item; doors and gates are () without a label for
+    doorways.
     """
 
     items: tuple[TestItem, ...]

@@ -21,14 +21,9 @@ def band_limit(cells: int) -> Iterator[None]:
 
 
 def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slice]:
-    """Bands of rows, small enough that temporaries for a band take little memory.
+    """Bands of rows of a raster (H, W), so small that temporaries for a band take little memory.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    multiple : int
-        All bands but the last hold a multiple of this many rows.
+    All bands but the last hold a multiple of ``multiple`` rows.
     """
     high = multiple * max(1, _MOST_CELLS.get() // max(shape[1] * multiple, 1))
     for first in range(0, shape[0], high):

@@ -18,12 +18,8 @@ from pgm_places.errors import InputError
 class Cliques:
     """Sets of nodes, of any sizes; a node may be in several.
 
-    Parameters
-    ----------
-    members : (M,) int
-        The nodes of the first set, of the second, ...
-    start : (C + 1,) int
-        Start of each set in ``members``, and the end of the last one.
+    ``members`` (M,) are the nodes of the first set, of the second, ...; ``start`` (C + 1,) is the
+    start of each set in it, and the end of the last one.
 
     Examples
     --------
@@ -37,13 +33,7 @@ class Cliques:
 
     @classmethod
     def of(cls, sets: Iterable[ArrayLike], n_nodes: int) -> Self:
-        """From lists of node numbers.
-
-        Raises
-        ------
-        InputError
-            A set is empty, or names a node twice or a node outside the graph.
-        """
+        """From lists of node numbers; InputError if a list is empty or does not fit."""
         members: list[NDArray[np.int64]] = []
         for index, nodes in enumerate(sets):
             name = f"cliques[{index}]"

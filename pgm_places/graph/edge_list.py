@@ -1,17 +1,21 @@
-"""The edges of label graphs: checked pairs, their values and kinds, and links between graphs."""
+"""Edges of label graphs: checked pairs and their kinds, from points, matrices and networkx."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import _checks
 from pgm_places._checks import integer_array, number_array, row_blocks, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_order import EdgeOrder
 from pgm_places.graph.raster_edges import EdgeKind, RasterEdges
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[np.generic]:
@@ -171,20 +175,10 @@ def mapped_nodes(
 
 @dataclass(frozen=True, eq=False)
 class EdgeList:
-    """Node pairs and the kind of each edge.
+    """Distinct node pairs (E, 2) with ``i < j``, sorted, and the kind (E,) of each edge or None.
 
-    Parameters
-    ----------
-    pairs : (E, 2) int32
-        Distinct pairs with ``i < j``, sorted. If direction matters, it is i to j.
-    kinds : (E,) int8 or None
-        An :class:`~pgm_places.graph.raster_edges.EdgeKind` per edge.
-
-    Raises
-    ------
-    InputError
-        Pairs in another order; :meth:`LabelGraph.from_edges
-        <pgm_places.graph.label_graph.LabelGraph.from_edges>` sorts them.
+    If direction matters, it is i to j. InputError for pairs in another order;
+    :meth:`LabelGraph.from_edges <pgm_places.graph.label_graph.LabelGraph.from_edges>` sorts them.
     """
 
     pairs: NDArray[np.int32]
@@ -305,3 +299,53 @@ def joined_edges(first: Part, second: Part, links: ArrayLike) -> EdgeList:
 
 def _kinds_or(links: EdgeList | RasterEdges, default: EdgeKind) -> NDArray[np.int8]:
     return np.full(links.n_edges, default, np.int8) if links.kinds is None else links.kinds
+
+
+Parts = tuple[tuple[Hashable, ...], list[tuple[int, int]], NDArray[np.float64] | None]
+
+
+def networkx_parts(
+    graph: "nx.Graph[Any]", nodelist: Iterable[Hashable] | None, position: str | None
+) -> Parts:
+    """The nodes' names in order, the (E, 2) pairs, and the positions if every node has one."""
+    if not hasattr(graph, "nodes") or not hasattr(graph, "edges"):
+        raise InputError(f"graph must be a networkx graph, got a {type(graph).__name__}")
+    names = tuple(graph.nodes if nodelist is None else nodelist)
+    if not all(isinstance(name, Hashable) for name in names):
+        raise InputError("nodelist must hold names of nodes, got something that is no name")
+    index = {name: i for i, name in enumerate(names)}
+    if len(index) != len(names) or index.keys() != set(graph.nodes):
+        odd = next((name for name in names if name not in graph), None)
+        odd = next((name for name in graph if name not in index), odd)
+        raise InputError(
+            f"nodelist must hold every node of the graph once: {len(graph)} nodes, got "
+            f"{len(names)} names" + ("" if odd is None else f"; {odd!r} is in one of them only")
+        )
+    pairs = {(min(index[a], index[b]), max(index[a], index[b])) for a, b in graph.edges()}
+    where = None
+    if position is not None and names:
+        values: list[Any] = [graph.nodes[name].get(position) for name in names]
+        if all(value is not None for value in values):
+            where = _checks.number_array("positions_m", values)
+    return names, sorted(pairs), where
+
+
+def to_networkx(
+    names: Sequence[Hashable],
+    edges: NDArray[np.int32],
+    positions_m: NDArray[np.float64] | None,
+    edge_kind: NDArray[np.int8] | None,
+) -> "nx.Graph[Any]":
+    """The graph for networkx, with ``pos`` and ``kind`` attributes where known."""
+    import networkx as nx
+
+    made: nx.Graph[Any] = nx.Graph()
+    made.add_nodes_from(names)
+    pairs = [(names[i], names[j]) for i, j in edges.tolist()]
+    made.add_edges_from(pairs)
+    if positions_m is not None:
+        where = dict(zip(names, map(tuple, positions_m.tolist()), strict=True))
+        nx.set_node_attributes(made, where, "pos")
+    if edge_kind is not None:
+        nx.set_edge_attributes(made, dict(zip(pairs, edge_kind.tolist(), strict=True)), "kind")
+    return made

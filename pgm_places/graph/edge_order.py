@@ -44,12 +44,8 @@ def neighbours_of(n_nodes: int, edges: NDArray[np.int32]) -> Neighbours:
 class EdgeOrder:
     """How pairs (E, 2) in any order and direction became edges: ``i < j``, sorted.
 
-    Parameters
-    ----------
-    rows : (E,) int
-        The row of each edge among the pairs.
-    flipped : (E,) bool
-        Whether the pair names the edge's second node first.
+    ``rows`` (E,) is the row of each edge among the pairs; at ``flipped`` (E,) edges, the pair names
+    the second node first.
 
     Examples
     --------
@@ -67,10 +63,8 @@ class EdgeOrder:
     def of(cls, pairs: NDArray[np.integer[Any]]) -> Self:
         """The order of pairs (E, 2).
 
-        Raises
-        ------
-        InputError
-            A pair joins a node to itself, or two pairs join the same nodes in any direction.
+        InputError if a pair joins a node to itself, or two pairs join the same nodes in any
+        direction.
         """
         loops = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
         if len(loops):
@@ -102,11 +96,8 @@ class EdgeOrder:
     def tables(self, tables: ArrayLike) -> NDArray[np.float64]:
         """(E, K, K) tables of the pairs in the order of edges, transposed for flipped pairs.
 
-        Parameters
-        ----------
-        tables : (E, K, K) or (K, K) float
-            Indexed by the labels of each pair's first and second node; one table for all pairs
-            becomes one per edge, since it may be flipped at some of them.
+        One table (K, K) for all pairs becomes one per edge, since it may be flipped at some of
+        them.
 
         Examples
         --------

@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> NDArray[np.float64]:
     """(M, K) scores with all but the known label of the first N nodes forbidden.
 
-    Parameters
-    ----------
-    scores : (M, K) float
-        Scores of a graph's N nodes, optionally with further nodes after them.
-    known : (N,) int or None
-        -1 where unknown; None without known labels.
+    ``known`` (N,) is -1 where unknown. Further nodes may follow the N nodes of the graph.
     """
     nodes = np.zeros(0, np.int64) if known is None else np.flatnonzero(known >= 0)
     if known is None or not len(nodes):

@@ -14,9 +14,8 @@ from pgm_places import _checks
 from pgm_places._arguments import public
 from pgm_places.errors import InputError
 from pgm_places.graph import edge_list
-from pgm_places.graph._networkx import networkx_parts, to_networkx
 from pgm_places.graph.cliques import Cliques, check_cliques
-from pgm_places.graph.edge_list import EdgeList
+from pgm_places.graph.edge_list import EdgeList, networkx_parts, to_networkx
 from pgm_places.graph.edge_order import EdgeOrder, Neighbours, neighbours_of
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout, grid_layout, lattice_mask
 from pgm_places.graph.raster_edges import RasterEdges

@@ -47,21 +47,10 @@ _STEPS = {
 
 @dataclass(frozen=True, eq=False)
 class RasterEdges:
-    """Each cell of a raster joined to its neighbours among the cells.
+    """Each cell of a raster joined to its neighbours among the cells, by 8- or 4-connectivity.
 
-    The list is computed on first use and cached: 8 bytes an edge.
-
-    Parameters
-    ----------
-    layout : GridLayout
-        The cells.
-    connectivity : {8, 4}
-        8 joins cells that share a side or a corner (paper section 6.1), 4 only a side.
-
-    Raises
-    ------
-    InputError
-        The connectivity is neither 4 nor 8.
+    The list is computed on first use and cached: 8 bytes an edge. 8 joins cells that share a side
+    or a corner (paper section 6.1), 4 only a side; InputError for other numbers.
     """
 
     layout: GridLayout

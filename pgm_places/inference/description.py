@@ -27,31 +27,12 @@ SURE = np.log(100.0)
 class ProblemDescription:
     """Statistics of a problem and its labels; ``print`` shows them line by line.
 
-    Parameters
-    ----------
-    n_nodes, n_edges, n_labels : int
-    mean_degree : float
-        Mean number of neighbours.
-    n_isolated : int
-        Nodes without neighbours.
-    labelled : float
-        Share of the nodes that have a label.
-    balance : dict of str to float
-        Share of each label among the labelled nodes; empty without labelled nodes.
-    median_margin : float or None
-        Median over nodes of the difference between the unaries of the best and the second label.
-    collapse_weight : float or None
-        The Potts weight at which the neighbours of a node of mean degree together outweigh the
-        median margin: larger weights spread labels rather than smooth them.
-    warnings : tuple of str
-        Likely problems, and what to do.
-    n_cliques : int
-        Number of cliques.
-    in_cliques : float
-        Share of the nodes in cliques.
-    clique_purity : float or None
-        Mean share of the most frequent label among the labelled nodes of a clique; low values mean
-        uninformative cliques. None without such nodes.
+    ``labelled`` and ``in_cliques`` are shares of the nodes, ``balance`` the share of each label
+    among the labelled nodes. ``median_margin`` is the median over nodes of the difference between
+    the unaries of the best and the second label; ``collapse_weight`` the Potts weight at which the
+    neighbours of a node of mean degree together outweigh it: larger weights spread labels rather
+    than smooth them. ``clique_purity`` is the mean share of the most frequent label among the
+    labelled nodes of a clique; low values mean uninformative cliques.
     """
 
     n_nodes: int

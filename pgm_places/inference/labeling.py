@@ -192,19 +192,7 @@ class Labeling:
     def plot_convergence(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the method's progress by iteration: score, bound, support or largest change.
 
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New axes if not given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        InputError
-            The method reports no history.
+        Without axes, new ones are made. InputError if the method reports no history.
         """
         history = self.info.get("history", ())
         if isinstance(history, Mapping):  # of relaxation
@@ -328,13 +316,6 @@ def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:
     evidence are restricted to the allowed labels, and the most probable one is chosen; of labels
     with equal beliefs, or without beliefs, the best in ``unary``. Score and bound are dropped if
     labels change.
-
-    Parameters
-    ----------
-    problem : LabelingProblem
-        N nodes, K labels.
-    labeling : Labeling
-        The result of a method.
 
     Examples
     --------

@@ -15,18 +15,9 @@ def weights_of(
 ) -> list[NDArray[np.float64]]:
     """For each problem the weight (N,) of every node.
 
-    Parameters
-    ----------
-    sample_weight : sequence of float or (N,) float, or None
-        One entry a problem: a weight for all of its nodes, or one for each node; at least 0. None
-        for 1 everywhere.
-    problems : sequence of LabelingProblem
-
-    Raises
-    ------
-    InputError
-        The number of entries or the shape of an entry is wrong, a weight is not a number of at
-        least 0, or no weight is above 0.
+    ``sample_weight`` has one entry per problem: a weight for all of its nodes, or one for each
+    node; at least 0. None means 1 everywhere. InputError if entries do not fit, or no weight is
+    above 0.
 
     Examples
     --------

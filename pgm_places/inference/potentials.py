@@ -22,12 +22,8 @@ def with_unseen_rows(
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
     """An array with rows of NaN replaced by equal values, and a mask (N,) of these rows or None.
 
-    The values are log-probabilities, or probabilities with ``probable``.
-
-    Raises
-    ------
-    InputError
-        A row is partly NaN, the shape is wrong, or a value is infinite.
+    The values are log-probabilities, or probabilities with ``probable``. InputError if a row is
+    partly NaN, the shape is wrong, or a value is infinite.
     """
     dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
     array = number_array(name, values, dtype)
@@ -51,13 +47,7 @@ def with_unseen_rows(
 def with_unseen_nodes(
     unary: ArrayLike, given: ArrayLike | None, n_nodes: int, n_labels: int
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """:func:`with_unseen_rows` for a unary with an optional mask (N,) of further unseen nodes.
-
-    Raises
-    ------
-    InputError
-        As there; also if the nodes are not a mask.
-    """
+    """:func:`with_unseen_rows` for a unary with an optional mask (N,) of further unseen nodes."""
     array, unseen = with_unseen_rows("unary", unary, n_nodes, n_labels)
     if given is None:
         return array, unseen

@@ -326,12 +326,8 @@ def evident_unary(
     """(N, K) the unary with known and forbidden labels applied, for a method that needs one.
 
     It has double precision, unless the method supports ``single`` and the problem has single
-    precision. With ``observed``, allowed labels are NaN at nodes without observation.
-
-    Raises
-    ------
-    InputError
-        The problem has no unary, is no problem, or has cliques, which the method does not support.
+    precision. With ``observed``, allowed labels are NaN at nodes without observation. InputError
+    for a problem without unary, or with cliques, which the method does not support.
     """
     _checks.require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
     if not with_cliques:
@@ -349,13 +345,7 @@ def evident_unary(
 
 
 def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem]:
-    """The problems as a list.
-
-    Raises
-    ------
-    InputError
-        The argument is a single problem, or contains other objects.
-    """
+    """The problems as a list; InputError for a single problem or other objects."""
     if isinstance(problems, LabelingProblem):
         raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
     if not isinstance(problems, Iterable) or isinstance(problems, np.ndarray):
@@ -371,11 +361,8 @@ def labelled_problems(
 ) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
     """Training data: each problem with its true labels (N,), -1 where unknown.
 
-    Raises
-    ------
-    InputError
-        The list is empty, the number of labellings differs, problems have different labels, or a
-        labelling does not fit its problem.
+    InputError if the list is empty, the number of labellings differs, problems have different
+    labels, or a labelling does not fit its problem.
     """
     problems = listed_problems(problems)
     if not isinstance(labelings, Iterable) or (

@@ -32,14 +32,8 @@ def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeli
 
     Methods on graphs are overconfident: neighbours with the same evidence count as independent
     observations. Temperatures above 1 lower the confidence, below 1 raise it; the order of beliefs
-    never changes (temperature scaling, Guo et al. 2017, equation 9).
-
-    Parameters
-    ----------
-    labeling : Labeling
-        N nodes, K labels. Without beliefs it is returned unchanged.
-    temperature : float or "auto"
-        T, above 0; ``"auto"`` without training is 1.
+    never changes (temperature scaling, Guo et al. 2017, equation 9). ``"auto"`` without training is
+    1.
 
     Examples
     --------
@@ -64,19 +58,9 @@ def likeliest_temperature(beliefs: Sequence[ArrayLike], truths: Sequence[ArrayLi
 
     With l = log b it solves ``sum_i w_i (sum_k b_ik(T) l_ik - l_i,true) = 0``, the derivative of
     the cross entropy by 1/T, which rises with 1/T: the root is found by bisection. Values below 1
-    are excluded: a few nodes, all labelled correctly, would make every belief certain.
-
-    Parameters
-    ----------
-    beliefs : sequence of (N, K) float
-        Beliefs in each graph, by methods that were not trained on its labels.
-    truths : sequence of (N,) int
-        True labels, -1 where unknown. All graphs have equal weight.
-
-    Raises
-    ------
-    InputError
-        No node has a true label.
+    are excluded: a few nodes, all labelled correctly, would make every belief certain. Beliefs (N,
+    K) are of methods that were not trained on the true labels (N,), -1 where unknown; all graphs
+    have equal weight. InputError if no node has a true label.
 
     Examples
     --------

@@ -16,18 +16,10 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 @dataclass(frozen=True, eq=False)
 class KnownCells:
-    """Observed labels on a map, and on its cells at the model's resolution.
+    """Observed labels of a map's free cells (H, W), and at the model's resolution (h, w).
 
-    Parameters
-    ----------
-    on_map : (H, W) int16
-        Observed label of each free cell of the map, -1 elsewhere.
-    on_cells : (h, w) int16
-        Observed labels at the model's resolution.
-    label_names : tuple of str
-        Names of the labels.
-    learned_names : tuple of str
-        Labels of the methods, which label halls as corridors.
+    They are -1 elsewhere. ``learned_names`` are the labels of the methods, which label halls as
+    corridors.
     """
 
     on_map: NDArray[np.int16]
@@ -47,11 +39,7 @@ class KnownCells:
         """Transfer observed labels (H, W) of a map to the cells of ``used``.
 
         A coarser cell is observed if any of its free cells is; it has their most frequent label.
-
-        Raises
-        ------
-        LabelError
-            The labels do not fit the map or the names.
+        LabelError if the labels do not fit the map or the names.
         """
         names = tuple(label_names)
         raster = label_raster("known", known, grid.shape, n_labels=len(names))

@@ -53,10 +53,8 @@ from pgm_places.progress import report_stage
 def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
     """For each method with the same training as an earlier one, the name of the earlier one.
 
-    Parameters
-    ----------
-    methods : mapping of str to (Backend, str)
-        The backends with their unary. Fitted backends count as equal if they share their arrays.
+    ``methods`` are backends with their unary. Fitted backends count as equal if they share their
+    arrays.
 
     Examples
     --------
@@ -119,10 +117,8 @@ class Labeler:
     def check_options(self) -> None:
         """Check the options against the annotations of the constructor, as ``fit`` does first.
 
-        Raises
-        ------
-        ConfigError
-            An option is invalid; one line with its name, the permitted values and its value.
+        ConfigError, one line with the option's name, the permitted values and its value, if one is
+        invalid.
         """
         for name, hint in hints_of(type(self).__init__).items():
             value = getattr(self, name)
@@ -139,10 +135,7 @@ class Labeler:
     def set_params(self, **params: Any) -> Self:
         """Set options; learned attributes do not change until the next fit. Returns the labeler.
 
-        Raises
-        ------
-        ConfigError
-            An option is unknown; the message suggests the nearest name.
+        ConfigError for an unknown option; the message suggests the nearest name.
         """
         known = list(self._defaults())
         for name, (is_set, inner) in _grouped(params).items():
@@ -207,8 +200,8 @@ class Labeler:
         """Fit a labeler per method with ``learn``; the last one is this labeler.
 
         ``learn`` returns the learned attributes by name, among them the fitted method
-        (``method_``). ``learn_seconds_`` is its time. Methods with the same training are trained
-        once, and the time counts for the first of them.
+        (``method_``). Methods with the same training are trained once, and the time
+        (``learn_seconds_``) counts for the first of them.
         """
         shared = learned_with({name: (method, "") for name, method in methods.items()})
         learned: dict[str, Mapping[str, Any]] = {}
@@ -232,13 +225,7 @@ class Labeler:
         return labelers
 
     def check_fitted(self) -> None:
-        """Check that the labeler is fitted.
-
-        Raises
-        ------
-        NotFittedError
-            Before ``fit``.
-        """
+        """Raise NotFittedError before ``fit``."""
         if not self.__sklearn_is_fitted__():
             raise NotFittedError(
                 f"this {type(self).__name__} is not fitted yet; call {self._call_first} first"

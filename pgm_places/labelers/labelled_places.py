@@ -9,16 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import plotting
 from pgm_places._arguments import public
+from pgm_places._checks import freeze
 from pgm_places.errors import InputError, MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, normalized_entropy
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.whole_map import whole_doorways, whole_layout, whole_unentered
-from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
+from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor, refine, refined_shape
 from pgm_places.maps.known_window import KnownWindow
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.plotting import Plotted, axes_or_new
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -26,6 +26,7 @@ from pgm_places.spaces.unentered import Unentered, find_unentered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
 
 SAME_RESOLUTION = 0.02
 """Resolutions that differ by less than this share count as equal."""
@@ -43,18 +44,9 @@ def at_model_resolution(
 ) -> tuple[OccupancyGrid, list[str]]:
     """The map at the model's resolution, and notes on the resampling.
 
-    Parameters
-    ----------
-    labeler : PlaceLabeler
-    grid : OccupancyGrid
-    max_cells : int, optional
-        Most cells of a refined map; ``MAX_REFINED_CELLS`` by default.
-
-    Raises
-    ------
-    MapError
-        The map has no free cell, also at the model's resolution, would have to be refined to too
-        many cells, or its cells are too large to show walls.
+    ``max_cells`` limits a refined map, by default to ``MAX_REFINED_CELLS``. MapError if the map has
+    no free cell, also at the model's resolution, or if its cells are too large to show walls or to
+    be refined.
     """
     if not grid.free.any():
         raise MapError(
@@ -98,22 +90,10 @@ def at_model_resolution(
 
 @dataclass(frozen=True, eq=False)
 class LabelledCells:
-    """The labels of a map's cells, with all other inputs of its topological map.
+    """The labels (H, W) of a map's cells, with all other inputs of its topological map.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    labels : (H, W) int16
-        Label index per free cell, -1 elsewhere and in unreachable space.
-    label_names : sequence of str
-    beliefs : (N, K) float, optional
-        Probabilities of the labels at the nodes of ``layout``.
-    layout : GridLayout, optional
-        The cells of ``beliefs``, of ``grid`` or a coarser version of it.
-    doorways : Doorways, optional
-        The accepted gates of the map.
-    hall : (N,) float32, optional
-        See :class:`LabelledPlaces`.
+    ``beliefs`` (N, K) and ``hall`` (N,) are of the cells of ``layout``, of ``grid`` or a coarser
+    version of it.
     """
 
     grid: OccupancyGrid
@@ -205,22 +185,9 @@ class LabelledPlaces(Plotted):
     ) -> "Axes":
         """Draw the map with its labels, their probability, or how uncertain they are.
 
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New axes if not given.
-        show : {"labels", "probability", "uncertainty"}
-            ``probability`` of the assigned label; ``uncertainty`` is the entropy of the beliefs as
-            a share of ``log K``.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        InputError
-            The method has no beliefs to show.
+        ``probability`` is of the assigned label; ``uncertainty`` is the entropy of the beliefs as a
+        share of ``log K``. Without axes, new ones are made. InputError if the method has no beliefs
+        to show.
         """
         beliefs = self.labeling.beliefs
         if show != "labels" and beliefs is None:
@@ -323,7 +290,7 @@ def _brought_back(
     """A refined map's labelling on the original cells: most frequent label, mean probability.
 
     ``cells`` is the layout of the refined map, ``layout`` of the original one. Ties go to the first
-    label. Score and bound are unchanged.
+    label.
     """
     node = _nodes_of_parts(refined, cells, layout)
     n_labels = int(labeling.labels.max()) + 1
@@ -348,3 +315,42 @@ def _means(
     """(N,) the mean of values (n,) at each node."""
     sums, counts = np.bincount(node, values, layout.n_nodes), np.bincount(node)
     return np.asarray(sums / counts, values.dtype)
+
+
+def window_to_label(grid: OccupancyGrid, resolution_m: float) -> KnownWindow | None:
+    """The known window of a map to label instead of the map, or None.
+
+    It is aligned with the blocks that the complete map would be coarsened by.
+    """
+    is_finer = grid.resolution_m < resolution_m
+    multiple = coarsening_factor(grid, resolution_m).numerator if is_finer else 1
+    return KnownWindow.of(grid, multiple=multiple)
+
+
+def whole_layout(layout: GridLayout, window: KnownWindow, grid: OccupancyGrid) -> GridLayout:
+    """The nodes of a window's layout on the raster of the complete map or its coarsened version."""
+    source = layout.source
+    if layout.shape == window.part_shape:
+        return GridLayout.of_mask(freeze(window.paste(layout.mask(), False)), grid)
+    assert isinstance(source, OccupancyGrid)
+    coarse = window.coarser(source.resolution_m / grid.resolution_m)
+    cells = coarse.paste(source.cells, UNKNOWN)
+    whole = OccupancyGrid(cells, source.resolution_m, grid.origin_xy_m, grid.yaw_rad)
+    return GridLayout.of_mask(freeze(coarse.paste(layout.mask(), False)), whole)
+
+
+def whole_doorways(
+    doorways: Doorways | None, part: OccupancyGrid, window: KnownWindow, grid: OccupancyGrid
+) -> Doorways | None:
+    """Doorways of a window, with the places between them on the raster of the complete map."""
+    if doorways is None:
+        return None
+    place = window.paste(doorways.place_on(part), -1)
+    return replace(doorways, grid=grid, place=place)
+
+
+def whole_unentered(unentered: Unentered | None, window: KnownWindow) -> Unentered | None:
+    """Unreachable space of a window on the raster of the complete map."""
+    if unentered is None:
+        return None
+    return replace(unentered, cells=np.asarray(window.paste(unentered.cells, False)))

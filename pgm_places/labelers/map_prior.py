@@ -104,7 +104,7 @@ class MapPrior:
         return cls(places.grid, places.on_map(np.float32(beliefs), 0.0))
 
     def check_labels(self, label_names: Sequence[str]) -> None:
-        """Check that the number of labels is the map's."""
+        """Raise LabelError unless the number of labels is the map's."""
         if len(label_names) != len(self.shares):
             raise LabelError(
                 f"the labelled map has {len(self.shares)} labels, but the model has "

@@ -1,4 +1,4 @@
-"""Methods of labelers: resolving by name, checking of capabilities, inference."""
+"""Methods of labelers: resolving by name, checks of capabilities, inference alone or batched."""
 
 import dataclasses
 import inspect
@@ -11,26 +11,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._argument_words import described
 from pgm_places._arguments import public_options
-from pgm_places._checks import integer_array, set_frozen
+from pgm_places._checks import integer_array, set_frozen, stacked_rows
 from pgm_places.errors import ConfigError, quoted
+from pgm_places.graph.edge_list import EdgeList
+from pgm_places.graph.known_labels import known_beside
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build, traits_of
 from pgm_places.inference.labeling import Labeling, keep_evidence
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoders import named_decoder
 from pgm_places.options import check_options
+from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.unary.map_model import sees_spaces
 
 Unary = Literal["auto", "laser", "context", "laser+space", "space", "floor"]
 
 
 def as_backend(method: object) -> Backend:
-    """A backend, or the backend of a method's name.
-
-    Raises
-    ------
-    ConfigError
-        The method is neither a name nor a backend.
-    """
+    """A backend, or the backend of a method's name; ConfigError for other values."""
     backend = build(method) if isinstance(method, str) else method
     is_labeler = hasattr(backend, "set_learned")
     if isinstance(backend, type) or is_labeler or not isinstance(backend, Backend):
@@ -78,10 +77,7 @@ def place_methods(
 ) -> dict[str, PlaceMethod]:
     """The methods by name, built, with their unary; ``auto`` is resolved in training.
 
-    Raises
-    ------
-    ConfigError
-        There is no method, or one needs scores that the labeler does not compute.
+    ConfigError if there is no method, or one needs scores that the labeler does not compute.
     """
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise ConfigError(f"methods must be a mapping or a list of names, got {quoted(given)}")
@@ -121,10 +117,7 @@ def unfitted(backend: Any) -> Any:
 
 
 def with_edge_kinds(backend: Any) -> Any:
-    """The backend with a weight for each kind of edge, if its edge features are ``auto``.
-
-    For graphs with several kinds of edges: neighbours in a map, successive steps, links.
-    """
+    """The backend with a weight for each kind of edge, if its edge features are ``auto``."""
     if getattr(backend, "edge_features", None) != ("auto",):
         return backend
     return dataclasses.replace(backend, edge_features=("constant", "kind"))
@@ -137,13 +130,7 @@ def with_shares(backend: Any, truths: Sequence[NDArray[np.int64]], n_labels: int
 
 
 def check_labels_any_graph(name: str, backend: object, what: str) -> None:
-    """Check before training that a method can label graphs other than chains.
-
-    Raises
-    ------
-    ConfigError
-        The method is for chains; the message lists the methods for any graph.
-    """
+    """Raise ConfigError, with the methods for any graph, if a method can label only chains."""
     if traits_of(backend).chains_only:
         others = [other for other in BACKENDS if not traits_of(METHODS.find(other)).chains_only]
         raise ConfigError(
@@ -153,13 +140,7 @@ def check_labels_any_graph(name: str, backend: object, what: str) -> None:
 
 
 def check_labels_maps(name: str, backend: object) -> None:
-    """Check that a method can label maps, whose graphs have cycles.
-
-    Raises
-    ------
-    ConfigError
-        The method is for chains, or its decoder for graphs without cycles.
-    """
+    """Raise ConfigError if a method or its decoder cannot label maps, whose graphs have cycles."""
     check_labels_any_graph(name, backend, "a map")
     decoder = getattr(backend, "inference", None)
     if decoder not in (None, "auto") and not named_decoder(decoder).labels_maps:
@@ -199,3 +180,104 @@ def infer_further(
     unary = problem.unary + further
     unary = unary - np.logaddexp.reduce(unary, axis=1, keepdims=True)
     return infer(backend, dataclasses.replace(problem, unary=unary), truth)
+
+
+# Decoders that label each tree of a forest as if it were alone.
+EXACT_ON_FORESTS = ("max-product", "sum-product", "exact")
+
+# Edge features that need kinds of edges, or whose units depend on the whole graph.
+WHOLE_GRAPH_FEATURES = {"diagonal", "kind", "raw-difference"}
+
+
+def label_many(backend: Any, problems: Sequence[LabelingProblem]) -> list[Labeling]:
+    """A backend's labelling of each problem.
+
+    Networks and fields (``amn``, ``crf``) label graphs without cycles in one call, if the decoder
+    is exact on them and no edge feature depends on the whole graph (as ``raw-difference`` does).
+    Labels and beliefs are equal up to rounding, at a fraction of the time; score, bound and
+    ``info`` are omitted. Other problems are labelled one by one.
+    """
+    stack = stack_problems(problems) if _is_stackable(backend, problems) else None
+    if stack is None or _decoder(backend, stack) not in EXACT_ON_FORESTS:
+        return [infer(backend, problem) for problem in problems]
+    return unstack(infer(backend, stack), problems)
+
+
+def stack_problems(problems: Sequence[LabelingProblem]) -> LabelingProblem | None:
+    """Several problems as one problem on the disjoint union of their graphs.
+
+    None if stacking could change the labels: for different label names, features that only some
+    problems have, cycles, cliques, or diagonals of grids. Layouts and kinds of edges are dropped.
+    """
+    first = problems[0]
+    sizes = [problem.graph.n_nodes for problem in problems]
+    starts = np.cumsum([0, *sizes])
+    alike = all(
+        problem.label_names == first.label_names
+        and problem.cliques is None
+        and not _has_diagonals(problem)
+        and (problem.unary is None) == (first.unary is None)
+        and (problem.node_features is None) == (first.node_features is None)
+        and (problem.edge_features is None) == (first.edge_features is None)
+        for problem in problems
+    )
+    if not alike:
+        return None
+    edges = np.concatenate(
+        [problem.graph.edges + start for problem, start in zip(problems, starts[:-1], strict=True)]
+    )
+    if not is_forest(adjacency(int(starts[-1]), edges)):
+        return None
+    return LabelingProblem(
+        LabelGraph(int(starts[-1]), EdgeList(edges)),
+        first.label_names,
+        _stacked([problem.unary for problem in problems]),
+        _stacked([problem.node_features for problem in problems]),
+        _stacked([problem.edge_features for problem in problems]),
+        known_beside([(problem.known, problem.graph.n_nodes) for problem in problems]),
+        unseen=_unobserved_stacked(problems),
+    )
+
+
+def unstack(stack: Labeling, problems: Sequence[LabelingProblem]) -> list[Labeling]:
+    """The labelling of each of the stacked problems."""
+    ends = np.cumsum([problem.graph.n_nodes for problem in problems])[:-1]
+    labels = np.split(stack.labels, ends)
+    if stack.beliefs is None:
+        return [Labeling(each, stack.status) for each in labels]
+    beliefs = np.split(stack.beliefs, ends)
+    return [
+        Labeling(each, stack.status, belief) for each, belief in zip(labels, beliefs, strict=True)
+    ]
+
+
+def _is_stackable(backend: Any, problems: Sequence[LabelingProblem]) -> bool:
+    if len(problems) < 2 or not traits_of(backend).sees_parts_alone:
+        return False
+    return WHOLE_GRAPH_FEATURES.isdisjoint(backend.edge_names(problems[0]))
+
+
+def _decoder(backend: Any, problem: LabelingProblem) -> str:
+    """The name of the decoder that a network or field uses for a problem."""
+    chosen = getattr(backend, "decoder_for", None)
+    return str(backend.inference if chosen is None else chosen(problem))
+
+
+def _has_diagonals(problem: LabelingProblem) -> bool:
+    kinds = problem.graph.edge_kind
+    return kinds is not None and bool((kinds == EdgeKind.DIAGONAL).any())
+
+
+def _unobserved_stacked(problems: Sequence[LabelingProblem]) -> NDArray[np.bool_] | None:
+    if all(problem.unseen is None for problem in problems):
+        return None
+    return np.concatenate(
+        [
+            np.zeros(problem.graph.n_nodes, np.bool_) if problem.unseen is None else problem.unseen
+            for problem in problems
+        ]
+    )
+
+
+def _stacked(arrays: Sequence[Any]) -> Any:
+    return None if arrays[0] is None else stacked_rows(arrays)

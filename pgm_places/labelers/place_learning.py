@@ -37,7 +37,7 @@ def confusion_counts(
 ) -> NDArray[np.int64]:
     """(K, K) confusion counts of the best labels of scores (N, K); rows are true labels.
 
-    Truths are label indices (N,), -1 where unknown.
+    True labels (N,) are -1 where unknown.
 
     Examples
     --------
@@ -63,18 +63,8 @@ def learn_movement(
 ) -> HiddenMarkovModel:
     """A hidden Markov model with transitions from simulated moves and counted confusions.
 
-    Parameters
-    ----------
-    maps : sequence of LabelledMap
-        Maps to simulate the actions MOVE and STAY in.
-    truths, scores : sequence of (N,) int and (N, K) float
-        True labels and scores, preferably held-out ones.
-    n_labels : int
-        K.
-    model : HiddenMarkovModel, optional
-        Has the options; by default with soft observations.
-    n_runs, seed : int
-        See :func:`pgm_places.sensing.simulated_moves.simulate_moves`.
+    ``truths`` (N,) and ``scores`` (N, K) are per map, preferably held-out ones. The options are
+    those of ``model``, by default with soft observations.
     """
     return (model or HiddenMarkovModel(observation="soft")).with_counts(
         confusions=confusion_counts(truths, scores, n_labels),
@@ -85,17 +75,9 @@ def learn_movement(
 
 @dataclass(frozen=True, eq=False)
 class LabelledNodes:
-    """The labelled cells of maps as nodes of graphs, with held-out scores.
+    """The labelled cells of maps as nodes of a graph per map, with labels (N,) and held-out scores.
 
-    Parameters
-    ----------
-    label_names : tuple of K str
-    graphs : tuple of LabelGraph
-        One per map.
-    truths : tuple of (N,) int
-        Label index of each node.
-    scores : list of CellScores or None
-        None for methods that are trained on labels only.
+    ``scores`` is None for methods that are trained on labels only.
     """
 
     label_names: tuple[str, ...]
@@ -273,13 +255,7 @@ def without_halls(
 
 
 def common_resolution(maps: Sequence[LabelledMap]) -> float:
-    """The resolution of all maps (m).
-
-    Raises
-    ------
-    InputError
-        Resolutions differ by more than a thousandth.
-    """
+    """The resolution of all maps (m); InputError if they differ by more than a thousandth."""
     sizes: NDArray[np.float64] = np.array([map_.grid.resolution_m for map_ in maps])
     if not np.allclose(sizes, sizes[0], rtol=1e-3, atol=0.0):
         listed = ", ".join(f"{map_.name} {map_.grid.resolution_m:g} m" for map_ in maps)

@@ -71,19 +71,8 @@ def doorway_log_odds(
     more than half the depth from the middle. If the cells in the middle are no likely doorway (a
     mean probability of at most a half), but other cells near the gate are, the middle is moved to
     these cells. For cells about equally far from two gates with a probability of at least 0.8, the
-    odds are multiplied by 0.0001, so that adjacent doorways do not touch.
-
-    Parameters
-    ----------
-    log_z : (N, K) float
-        Log-probabilities.
-    doorways : Doorways
-        The accepted gates.
-    layout : GridLayout
-    doorway : int
-        The label of doorways.
-    depth_m : float, optional
-        Depth of doorways (m); by default as scored.
+    odds are multiplied by 0.0001, so that adjacent doorways do not touch. ``log_z`` (N, K) are
+    log-probabilities.
     """
     zone, added = _gate_zones(log_z, doorways, layout, doorway, depth_m)
     return np.asarray(added[zone])
@@ -96,10 +85,7 @@ def _gate_zones(
     doorway: int,
     depth_m: float | None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """(N,) zones of cells, and (4,) log-odds of each zone.
-
-    The zones are away from gates (0), near one (1), in its middle (2), and between two (3).
-    """
+    """(N,) zones: away from gates, near, in the middle, between two; (4,) log-odds of each zone."""
     added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE, _PARTED])
     half_m = (DOORWAY_DEPTH_M if depth_m is None else depth_m) / 2
     zone = np.zeros(len(log_z), np.uint8)
@@ -183,7 +169,7 @@ def apply_space_evidence(
 ) -> LabelingProblem:
     """The problem with doorways restricted to gates, and labels made consistent within spaces.
 
-    ``unary_name`` is the unary of the problem, ``doorway`` the label to restrict to gates, or None.
+    ``doorway`` is the label to restrict to gates, or None.
     """
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map

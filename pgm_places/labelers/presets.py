@@ -1,6 +1,7 @@
 """Presets: the options of the paper, for configurations and for labelers made in Python."""
 
-from collections.abc import Mapping, Sequence
+import copy
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -51,17 +52,7 @@ _PRESETS: Mapping[str, tuple[_Value, ...]] = {"paper": _PAPER, "paper-noise": _P
 def preset_values(preset: str, nodes: str = "cells") -> dict[str, Any]:
     """The values of a preset by dotted key; ``methods.*.unary`` applies to every method.
 
-    Parameters
-    ----------
-    preset : {"paper", "paper-noise"}
-        The options of the paper's experiments, without or with noise of the simulated laser.
-    nodes : {"cells", "steps", "both", "graph"}
-        Kind of nodes to label; options that do not apply to it are omitted.
-
-    Raises
-    ------
-    ConfigError
-        No preset has that name.
+    Options that do not apply to the kind of nodes are omitted. ConfigError for an unknown preset.
 
     Examples
     --------
@@ -79,17 +70,7 @@ def preset_place_labeler(
     methods: Sequence[str] = ("independent",),
     **options: Any,
 ) -> PlaceLabeler:
-    """An unfitted PlaceLabeler with the options of a preset.
-
-    Parameters
-    ----------
-    preset : {"paper", "paper-noise"}
-    label_names : sequence of str
-    methods : sequence of str
-        Names of methods.
-    **options
-        Further options of :class:`~pgm_places.labelers.place_labeler.PlaceLabeler`, which override
-        the preset.
+    """An unfitted PlaceLabeler with the options of a preset, overridden by ``options``.
 
     Raises
     ------
@@ -112,17 +93,7 @@ def preset_place_labeler(
 def preset_trajectory_labeler(
     preset: str, label_names: Sequence[str], method: str = "hmm", **options: Any
 ) -> TrajectoryLabeler:
-    """An unfitted TrajectoryLabeler with the options of a preset.
-
-    Parameters
-    ----------
-    preset : {"paper", "paper-noise"}
-    label_names : sequence of str
-    method : str
-        The name of the method.
-    **options
-        Further options of :class:`~pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`, which
-        override the preset.
+    """An unfitted TrajectoryLabeler with the options of a preset, overridden by ``options``.
 
     Raises
     ------
@@ -161,3 +132,51 @@ def _method(values: Mapping[str, Any], name: str) -> Any:
 
 def _unary(values: Mapping[str, Any]) -> Any:
     return values[f"methods.{ANY_METHOD}.unary"]
+
+
+def with_preset(content: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration with the values of its ``preset`` for options that are not set.
+
+    An unknown preset, or one together with a base model, adds nothing: validation rejects it.
+    """
+    filled = copy.deepcopy(dict(content))
+    preset: Any = filled.get("preset")
+    if preset in get_args(Preset) and "base_model" not in filled:
+        for key, value in preset_values(preset, filled.get("nodes", "cells")).items():
+            *path, option = key.split(".")
+            for table in _tables(filled, path):
+                table.setdefault(option, value)
+    return filled
+
+
+def preset_record(config: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The values set by the preset of a resolved configuration, and those set by the user."""
+    preset = config.get("preset")
+    if preset is None:
+        return None
+    of_preset, of_user = {}, {}
+    for key, wanted in preset_values(preset, config["nodes"]).items():
+        *path, option = key.split(".")
+        values = [table.get(option) for table in _tables(copy.deepcopy(dict(config)), path)]
+        others = [value for value in values if value != wanted]
+        if values and len(others) < len(values):
+            of_preset[key] = wanted
+        if others:
+            of_user[key] = others[0] if len(others) == 1 else others
+    return {"name": preset, "set": of_preset, "given": of_user}
+
+
+def _tables(content: dict[str, Any], path: list[str]) -> Iterator[dict[str, Any]]:
+    """The tables at a path, created if missing; for methods, all with the name in the path."""
+    if path[0] == "methods":
+        methods = content.get("methods")
+        for method in methods if isinstance(methods, list) else ():
+            if isinstance(method, dict) and path[1] in (ANY_METHOD, method.get("name")):
+                yield method
+        return
+    table: Any = content
+    for name in path:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            return  # validation refuses it
+    yield table

@@ -55,7 +55,7 @@ def smooth_over_spaces(
     *,
     weigh_wide: bool = False,
 ) -> NDArray[np.float64]:
-    """The scores of cells, with consistent labels corridor and room within segments.
+    """The scores (N, K) of cells, with consistent labels corridor and room within segments.
 
     Connected cells of one segment and one label, corridor or room, are a *part*. The new labels of
     all parts maximise the evidence of their cells minus the cost of borders between both labels,
@@ -66,22 +66,9 @@ def smooth_over_spaces(
     wide segments, unless at least half of the cells of their place have log-odds of a corridor
     above 2: an open space is one place.
 
-    Parameters
-    ----------
-    log_z : (N, K) float
-        Log-probabilities; returned itself if nothing changes.
-    segments : NodeSegments
-        The segments of the cells.
-    layout : GridLayout
-        The N cells.
-    label_names : tuple of K str
-        If corridor or room is missing, nothing changes.
-    known : (N,) int, optional
-        Observed labels, -1 elsewhere: their parts do not change, and borders at them cost most.
-    place : (N,) int, optional
-        The place between doorways of each cell, or -1; observed cells influence only their own.
-    weigh_wide : bool
-        Whether evidence in wide segments is weighted by their place.
+    Parts with observed labels (``known``) do not change, and borders at them cost most. With
+    ``place``, the place between doorways of each cell or -1, they influence their own place only.
+    The array itself is returned if nothing changes.
     """
     if not set(_PAIR) <= set(label_names):
         return log_z

@@ -17,9 +17,15 @@ from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, labelled_problems, listed_problems
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers import structured_learning
-from pgm_places.labelers.batched_inference import label_many, stack_problems
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer, with_shares
+from pgm_places.labelers.method import (
+    as_backend,
+    check_labels_any_graph,
+    infer,
+    label_many,
+    stack_problems,
+    with_shares,
+)
 from pgm_places.labelers.structured_learning import Truth, numbered
 from pgm_places.progress import Progress, reporting_to
 from pgm_places.unary.options import LearnOn, NumberOfFolds
@@ -261,7 +267,7 @@ class StructuredLabeler(Labeler):
     def label_many(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
         """The labelling of each problem; small ones without cycles are labelled in one call.
 
-        See :func:`pgm_places.labelers.batched_inference.label_many`.
+        See :func:`pgm_places.labelers.method.label_many`.
         """
         problems = listed_problems(X)
         for problem in problems:

@@ -1,8 +1,8 @@
-"""Training a StructuredLabeler: conversion of label names, and cross-fitting of the classifier."""
+"""Training a StructuredLabeler: label names, cross-fitting of the classifier, and scorers."""
 
 import inspect
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from pgm_places.errors import (
     quoted,
 )
 from pgm_places.evaluation.folds import contiguous_parts, cross_fit, held_out_scores
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
 UNKNOWN = (None, "")
 """Values for an unknown label in place of a name."""
@@ -27,12 +27,7 @@ UNKNOWN = (None, "")
 def numbered(problems: Any, labelings: Any) -> tuple[Any, bool]:
     """The labels of problems as indices, and whether they were names.
 
-    Labels without names are returned unchanged and unchecked.
-
-    Raises
-    ------
-    LabelError
-        A name is not a label of its problem.
+    Labels without names are returned unchanged and unchecked. LabelError for an unknown name.
 
     Examples
     --------
@@ -180,3 +175,54 @@ def held_out_problems(
 
     classifiers = cross_fit(np.concatenate(folds), fit)
     return [held_out(*pair) for pair in zip(problems, folds, strict=True)]
+
+
+Scorer = Callable[[Any, Sequence[LabelingProblem], Sequence[NDArray[np.int64]]], float]
+
+
+def node_scorer(metric: str | Callable[..., float] = "accuracy") -> Scorer:
+    """A scorer over the labelled nodes of all problems, for ``scoring=`` of scikit-learn.
+
+    Parameters
+    ----------
+    metric : str or callable
+        One of scikit-learn's scorers of predicted labels (``accuracy``, ``balanced_accuracy``,
+        ``f1_macro``, ``matthews_corrcoef``), or a function of true and predicted labels (M,).
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import cross_val_score
+    >>> from pgm_places import LabelGraph, StructuredLabeler
+    >>> truth = np.repeat([0, 1], 10)
+    >>> unary = 2.0 * np.eye(2)[truth]
+    >>> problem = LabelingProblem(LabelGraph.from_lattice((20,)), ["a", "b"], unary)
+    >>> scores = cross_val_score(
+    ...     StructuredLabeler("potts"), [problem] * 4, [truth] * 4, cv=2,
+    ...     scoring=node_scorer("balanced_accuracy"),
+    ... )
+    >>> scores.tolist()
+    [1.0, 1.0]
+    """
+
+    def scored(labeler: Any, X: Sequence[LabelingProblem], y: Sequence[NDArray[np.int64]]) -> float:
+        pairs = labelled_problems(X, numbered(X, y)[0])
+        truth = np.concatenate([labels for _, labels in pairs])
+        predicted = np.concatenate(numbered(X, labeler.predict(X))[0])
+        known = truth >= 0
+        return float(_of_labels(metric)(truth[known], predicted[known]))
+
+    return scored
+
+
+def _of_labels(metric: str | Callable[..., float]) -> Callable[..., float]:
+    """The metric of a name as a function of true and predicted labels; larger is better."""
+    if callable(metric):
+        return metric
+    from sklearn.metrics import get_scorer
+
+    scorer: Any = get_scorer(metric)
+
+    def score(truth: NDArray[np.int64], predicted: NDArray[np.int64]) -> float:
+        return float(scorer._score_func(truth, predicted, **scorer._kwargs) * scorer._sign)
+
+    return score

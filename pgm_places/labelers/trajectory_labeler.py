@@ -16,8 +16,8 @@ from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers import method as method_use
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.map_prior import MapPrior
-from pgm_places.labelers.online import OnlineLabeler, filter_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.tracking import OnlineLabeler, filter_of
 from pgm_places.labelers.trajectory_learning import KnownMaps, learn_labelers, segment_problem
 from pgm_places.labelers.update_distance import EVERY_M, ChosenDistance, WithDistance
 from pgm_places.maps.labelled_map import LabelledMap

@@ -37,16 +37,10 @@ KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
 
 @dataclass(frozen=True, eq=False)
 class ListExamples:
-    """Training examples of the list: cells of maps, then labelled steps of trajectories.
+    """Training examples of the list: cells of each map, then labelled steps of each trajectory.
 
-    Parameters
-    ----------
-    rows : Rows
-        All examples, with folds of buildings if there are several, else of contiguous parts.
-    n_of_map : tuple of int
-        Number of cells of each map.
-    steps : tuple of (n,) int
-        Indices of the labelled steps of each trajectory.
+    Folds are buildings if there are several, else contiguous parts. ``steps`` (n,) are the indices
+    of the labelled steps of each trajectory.
     """
 
     rows: list_learning.Rows
@@ -71,13 +65,9 @@ def trajectory_examples(
 ) -> ListExamples:
     """The features of labelled cells and steps, for the options of a TrajectoryLabeler.
 
-    Raises
-    ------
-    InputError
-        There is nothing to train on, a trajectory has no labels or other label names, or there are
-        extra columns together with maps, whose cells have none.
-    LabelError
-        A label has no example.
+    InputError if there is nothing to train on, a trajectory has no labels or other label names, or
+    extra columns are given together with maps, whose cells have none. LabelError if a label has no
+    example.
     """
     names, extra_names = tuple(labeler.label_names), tuple(labeler.extra_names)
     sensor, n_folds, features = labeler.sensor, labeler.n_folds, as_features(labeler.features)
@@ -219,13 +209,7 @@ def segment_problem(
 
 
 def check_can_learn(method: object, trajectories: Sequence[Trajectory]) -> None:
-    """Check before training that a method has the trajectories that it needs.
-
-    Raises
-    ------
-    InputError
-        There are no trajectories, and the method is trained and not a hidden Markov model.
-    """
+    """Raise InputError for a trained method that needs trajectories, if there are none."""
     if trajectories or isinstance(method, HiddenMarkovModel) or not isinstance(method, Learnable):
         return
     raise InputError(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.bootstrap import is_ahead
-from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.evaluation import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.trajectories.segments import PathSegments
 
 EVERY_M = 0.1
@@ -25,15 +25,7 @@ WHOLE_DRIVES, FOLDS = 3, 5
 
 
 class ObservedDrive(NamedTuple):
-    """The labelled steps of a drive with held-out scores.
-
-    Parameters
-    ----------
-    poses : (T, 3) float
-    scores : (T, K) float
-        Log-probabilities of the labels.
-    labels : (T,) int
-    """
+    """The poses (T, 3), held-out scores (T, K) and labels (T,) of the labelled steps of a drive."""
 
     poses: NDArray[np.float64]
     scores: NDArray[np.float64]
@@ -52,13 +44,7 @@ LabelDrive = Callable[[Any, PathSegments, NDArray[np.float64]], NDArray[np.int64
 
 
 class ChosenDistance(NamedTuple):
-    """The distance with the best labels of held-out steps, and a text with all results.
-
-    Parameters
-    ----------
-    every_m : float
-    words : str
-    """
+    """The distance with the best labels of held-out steps, and a text with all results."""
 
     every_m: float
     words: str
@@ -94,12 +80,6 @@ def chosen_distance(
     is chosen unless others are significantly more accurate
     (:func:`pgm_places.evaluation.bootstrap.is_ahead`); of these, the one with the best mean of
     accuracy and balanced accuracy is chosen.
-
-    Parameters
-    ----------
-    drives : sequence of ObservedDrive
-    learn, label : functions
-        Fit the method, and label a drive with it.
     """
     folds = _folds(drives)
     truth = np.concatenate([drive.labels for held_out in folds for drive in held_out])

@@ -89,10 +89,7 @@ def label_files(
 ) -> AbstractContextManager[OutputSet]:
     """The output files of ``pgm-places label`` for a map, and ``more``.
 
-    Raises
-    ------
-    InputError
-        The user's names of places in the folder cannot be read.
+    InputError if the user's names of places in the folder cannot be read.
     """
     topology_files.read_own_names(folder)
     names = (*output_file_names(labels, outputs), *more)
@@ -106,20 +103,8 @@ MAX_BYTES = 64 << 20
 class WrittenMap:
     """A labelled map after its files were written.
 
-    Parameters
-    ----------
-    summary : str
-        One line with method, area of each label and status.
-    labels : (H, W) int16
-        Label index per free cell in the map's order, -1 elsewhere.
-    area_m2 : dict of str to float
-        Area of each label.
-    warnings : tuple of str
-        Warnings about the file, the labelling and the ids of places.
-    topology : TopologicalMap
-        The places.
-    unentered : Unentered or None
-        Unreachable space, which has no labels.
+    ``summary`` is one line with method, area of each label and status. ``labels`` (H, W) are -1
+    where a cell has none.
     """
 
     summary: str
@@ -344,11 +329,6 @@ def write_topology(
 
     ``index.html`` shows the places and lists the files of the folder. If there are probabilities,
     ``check.csv`` lists the places to check first.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written.
     """
     written, packing = [], packing or Packing()
     if picture:  # first: this largest picture is compressed in the background

@@ -1,7 +1,8 @@
-"""Labelling a map with a loaded model, at the map's original resolution."""
+"""Labelling a map, or a map and a drive through it, at the map's original resolution."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,29 +10,30 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._arguments import public
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.inference.backends import Backend
+from pgm_places.inference.backends import METHODS, Backend
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.kernels.lazy_memory import trim_heap
 from pgm_places.kernels.threads import thread_limit
+from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.labelled_places import (
     LabelledPlaces,
     at_model_resolution,
     on_own_raster,
+    window_to_label,
 )
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.place_problem import accepted_doorways
-from pgm_places.labelers.whole_map import window_to_label
-from pgm_places.labelling.door_rectangles import doorways_as_rectangles
 from pgm_places.labelling.model import LoadedModel
-from pgm_places.labelling.places import separating_gates
+from pgm_places.labelling.places import doorways_as_rectangles, separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Whole
 from pgm_places.progress import Progress, report_stage, reporting_to, warn
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.map_model import CellScores
 
@@ -126,24 +128,11 @@ def label(
 
 @dataclass(frozen=True, eq=False)
 class ScoredMap:
-    """A map at the resolution of a model, and its labelling problem.
+    """A map at the resolution of a model (``used``), and its labelling problem.
 
-    Parameters
-    ----------
-    model : LoadedModel
-    grid, used : OccupancyGrid
-        The map, and the map at the model's resolution.
-    observed : KnownCells or None
-    warnings : tuple of str
-    doorways : Doorways or None
-        The accepted gates, if the model uses space features.
-    layout : GridLayout
-        The cells of the problem's nodes.
-    problem : LabelingProblem
-    hall : (N,) float32 or None
-        The probability that a node in circulation space (corridor or hall) is in a hall.
-    scores : (LabelGraph, CellScores), optional
-        The scores of the cells and their graph, for other methods; not stored for huge maps.
+    ``hall`` (N,) is the probability that a node in circulation space (corridor or hall) is in a
+    hall. ``scores``, of the cells and their graph, are for other methods; they are not stored for
+    huge maps.
     """
 
     model: LoadedModel
@@ -216,14 +205,10 @@ def score_map(
     max_cells: int | None = None,
     keep_scores: bool = False,
 ) -> ScoredMap:
-    """Score the cells of a map for the model's method.
+    """Score the cells of a map for the model's method; the arguments are those of :func:`label`.
 
-    Parameters
-    ----------
-    model, grid, observed, cache, max_cells
-        See :func:`label`.
-    keep_scores : bool
-        Store the scores with segments, gates and places, for other methods and explanations.
+    ``keep_scores`` stores the scores with segments, gates and places, for other methods and
+    explanations.
     """
     labeler = model.labeler
     used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
@@ -261,3 +246,67 @@ def _problem(
 ) -> LabelingProblem:
     known = None if observed is None else observed.of_nodes(graph.grid_layout)
     return model.labeler.problem_of(graph, scores, model.chosen, known=known)
+
+
+class LabelledDrive(NamedTuple):
+    """A map with labels at its original resolution, and the labels of a drive's steps."""
+
+    map: LabelledPlaces
+    steps: Labeling
+
+
+def label_map_and_drive(
+    labeler: JointLabeler,
+    grid: OccupancyGrid,
+    drive: Trajectory,
+    *,
+    entered: EnteredOptions | None = None,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> LabelledDrive:
+    """Label a map and a drive as one graph; the map's labels have its original resolution.
+
+    A map of another resolution than the training maps is resampled first, with a warning, as by
+    :func:`label_map`.
+
+    Parameters
+    ----------
+    labeler : JointLabeler
+        Fitted.
+    grid : OccupancyGrid
+        In the frame of the drive's poses.
+    drive : Trajectory
+        With scans, or without them if the model casts them in the map.
+    entered : EnteredOptions, optional
+        Options of unreachable space, which gets no label.
+    n_threads, progress
+        See :mod:`pgm_places.labelers.labeler`.
+
+    Raises
+    ------
+    MapError
+        As for :func:`label_map`.
+    InputError
+        None of the drive's positions is on a free cell of the map.
+    """
+    labeler.check_fitted()
+    with thread_limit(n_threads), reporting_to(progress):
+        used, warnings = at_model_resolution(labeler.places_, grid)
+        for message in warnings:
+            warn(message)
+        scores = labeler.scores(used, drive)
+        labeling = labeler.infer(scores)
+    cells, steps = labeling.cells, labeling.steps
+    assert cells is not None and steps is not None and scores.graph.cells is not None
+    places = on_own_raster(
+        grid,
+        used,
+        scores.graph.cells.grid_layout,
+        cells,
+        label_names=labeler.label_names_,
+        method=METHODS.name_of(type(labeler.method_)),
+        warnings=warnings,
+        doorways=scores.doorways,
+        entered=entered or EnteredOptions(),
+    )
+    return LabelledDrive(places, steps)

@@ -20,18 +20,8 @@ T = TypeVar("T")
 class LoadedModel:
     """A fitted labeler, its method and its rules: all inputs of labelling besides the map.
 
-    Parameters
-    ----------
-    labeler : PlaceLabeler
-        Fitted; has the options of doorway depth and halls.
-    method : str, optional
-        The labeler's default method if empty.
-    rules : TopologyOptions, optional
-        Options of topological maps.
-    entered : EnteredOptions, optional
-        Options of unreachable space.
-    sha256 : str, optional
-        Hash of the model's manifest, which has the hash of its arrays; empty without a folder.
+    The method is by default the labeler's. ``sha256`` is the hash of the model's manifest, which
+    has the hash of its arrays; empty without a folder.
 
     Raises
     ------
@@ -62,12 +52,8 @@ class LoadedModel:
     def load(cls, options: ModelOptions | None = None) -> Self:
         """Load the model of the options and apply their overrides.
 
-        Raises
-        ------
-        ModelFileError
-            There is no such model, or it is damaged.
-        ConfigError
-            The model has no such method, or an option has an invalid value.
+        ModelFileError if there is no such model, or it is damaged; ConfigError if it has no such
+        method, or an option has an invalid value.
 
         Examples
         --------

@@ -28,12 +28,7 @@ class Outputs:
 
     @classmethod
     def named(cls, text: str) -> Self:
-        """Parse a list separated by commas, or ``none``.
-
-        Raises
-        ------
-        InputError
-            A name is unknown.
+        """Parse a list separated by commas, or ``none``; InputError for an unknown name.
 
         Examples
         --------

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from pgm_places.errors import ModelFileError
-from pgm_places.inference.backends import METHODS, Backend
-from pgm_places.inference.learned_names import LearnedNames
+from pgm_places.inference.backends import METHODS, Backend, LearnedNames
 from pgm_places.options import option_values
 from pgm_places.persistence.model_folder import Arrays
 

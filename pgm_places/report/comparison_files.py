@@ -8,10 +8,10 @@ import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
-from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.significance import TESTED, Difference
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_json
+from pgm_places.labelers.presets import preset_record
 from pgm_places.report.comparison_tables import comparison_tables
 from pgm_places.spaces.door_truth import DoorScores
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.evaluated_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M
 from pgm_places.inference.labeling import Status
 from pgm_places.io.atomic import write_text
+from pgm_places.labelers.presets import preset_record
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
 from pgm_places.pictures.page import render
 from pgm_places.report.comparison_tables import comparison_tables

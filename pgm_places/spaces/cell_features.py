@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
 from pgm_places._core import write_features
-from pgm_places.graph.mask_cells import MaskCells
+from pgm_places.graph.layout import MaskCells
 from pgm_places.kernels.threads import run_parts
 from pgm_places.maps.components import number_type
 from pgm_places.spaces.basins import clearance_m

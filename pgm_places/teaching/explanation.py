@@ -11,9 +11,8 @@ from pgm_places.features.custom import column_names, feature_values, n_columns, 
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution
+from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution, window_to_label
 from pgm_places.labelers.place_problem import doorway_log_odds
-from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier

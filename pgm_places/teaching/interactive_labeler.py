@@ -17,9 +17,9 @@ from pgm_places.labelers.labelled_places import (
     SAME_RESOLUTION,
     LabelledPlaces,
     at_model_resolution,
+    window_to_label,
 )
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.label import score_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.places import places_of

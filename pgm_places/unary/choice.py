@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.evaluation import balanced_accuracy, confusion_matrix
 from pgm_places.unary.map_model import UNARIES
 
 HeldOut = Literal["buildings", "blocks"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.sources import load_maps
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.teaching.paint import Paint

@@ -6,7 +6,7 @@ import pytest
 
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.sources import load_maps
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap

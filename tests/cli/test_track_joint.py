@@ -13,10 +13,10 @@ from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.staging import file_names
 from pgm_places.labelers.joint_labeler import JointLabeler
-from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelling.files import TRACK, output_file_names
+from pgm_places.labelling.label import label_map_and_drive
 from pgm_places.maps.coarsening import refine
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier

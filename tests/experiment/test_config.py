@@ -6,8 +6,8 @@ import pytest
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config
-from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.setup import make_labeler, resolved_config
+from pgm_places.labelers.presets import preset_record
 
 
 def minimal() -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.sources import load_maps
 from pgm_places.io.maps.label_image import save_labels
 from tests.io.files import write_map
 

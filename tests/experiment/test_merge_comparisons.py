@@ -10,10 +10,9 @@ import pytest
 from pgm_places.batch.several_runs import compare_several, run_tasks
 from pgm_places.cli.tables import comparison_table
 from pgm_places.evaluation.bootstrap import Resamples, SignTest, pooled
-from pgm_places.experiment.comparison import Comparison
+from pgm_places.experiment.comparison import Comparison, over_seeds
 from pgm_places.experiment.evaluated_items import blocks_of
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.merge_comparisons import over_seeds
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.significance import judge
 from pgm_places.experiment.splits import splits_of

@@ -8,10 +8,10 @@ import numpy as np
 
 from pgm_places import LabelGraph, LabelingProblem, OccupancyGrid, Trajectory
 from pgm_places.experiment.config import parse_config
-from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
-from pgm_places.experiment.overlap import warn_of_overlap
+from pgm_places.experiment.sources import SourceDrive
+from pgm_places.experiment.splits import warn_of_overlap
 from pgm_places.maps.labelled_map import LabelledMap
 
 NAMES = ("room", "corridor")

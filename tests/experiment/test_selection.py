@@ -10,11 +10,10 @@ import pytest
 
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
-from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import train
 from pgm_places.experiment.selection import Selection, SelectionCandidate, held_out_splits, select
-from pgm_places.experiment.sources import Sources
+from pgm_places.experiment.sources import SourceDrive, Sources
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.simulation import generate_building
 from pgm_places.simulation.simulated_robot import SimulatedRobot

@@ -11,10 +11,10 @@ import pytest
 from pgm_places.errors import ConfigError, LabelError, LogError
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import ExperimentConfig, parse_config
-from pgm_places.experiment.drives import counted_objects, load_drives
 from pgm_places.experiment.evaluated_items import EvalDrive, passage_scores
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare, train
+from pgm_places.experiment.sources import counted_objects, load_drives
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels

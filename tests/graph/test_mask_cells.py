@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.graph import bands
-from pgm_places.graph.mask_cells import MaskCells
+from pgm_places.graph.layout import MaskCells
 from tests.strategies import varied_arrays
 
 MASKS = varied_arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))

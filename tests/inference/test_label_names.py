@@ -7,7 +7,7 @@ import pytest
 
 from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.errors import InputError
-from pgm_places.inference.learned_names import renumbered, reordered
+from pgm_places.inference.backends import renumbered, reordered
 from tests.refusals import refused
 
 NAMES = ("hall", "cell", "door")

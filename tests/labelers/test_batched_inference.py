@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers import batched_inference
-from pgm_places.labelers.batched_inference import label_many, stack_problems
-from pgm_places.labelers.method import infer
+from pgm_places.labelers import method
+from pgm_places.labelers.method import infer, label_many, stack_problems
 from pgm_places.labelers.structured_labeler import StructuredLabeler
 
 NAMES = ("a", "b", "c")
@@ -77,7 +76,7 @@ def test_one_call_labels_all(monkeypatch: pytest.MonkeyPatch) -> None:
         calls.append(problem.graph.n_nodes)
         return infer(backend, problem)
 
-    monkeypatch.setattr(f"{batched_inference.__name__}.infer", counted)
+    monkeypatch.setattr(f"{method.__name__}.infer", counted)
     problems, truths = sentences(30, 0)
     labeler = StructuredLabeler("crf").fit(problems, truths)
     found = labeler.predict(problems)

@@ -12,10 +12,9 @@ from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.joint_graph import JointGraph
 from pgm_places.labelers.joint_labeler import LINK_WEIGHTS, JointLabeler
-from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.labelling.label import label_map
+from pgm_places.labelling.label import label_map, label_map_and_drive
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import load, save
 from pgm_places.sensing.sensor import Sensor

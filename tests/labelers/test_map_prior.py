@@ -3,7 +3,7 @@ import pytest
 
 from pgm_places.errors import InputError, LabelError
 from pgm_places.labelers.map_prior import LEAST, MapPrior
-from pgm_places.labelers.online import BeliefFilter
+from pgm_places.labelers.tracking import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel

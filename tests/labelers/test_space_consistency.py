@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.graph.layout import GridLayout
-from pgm_places.graph.mask_cells import MaskCells
+from pgm_places.graph.layout import GridLayout, MaskCells
 from pgm_places.labelers.space_consistency import smooth_over_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building

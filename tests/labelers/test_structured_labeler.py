@@ -19,7 +19,7 @@ from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, load, sav
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.temperature import calibrated
-from pgm_places.labelers.scoring import node_scorer
+from pgm_places.labelers.structured_learning import node_scorer
 from pgm_places.models.mrf import PottsField
 
 TRUTH = np.repeat([0, 1, 2, 0], 15)

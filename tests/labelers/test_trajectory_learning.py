@@ -8,7 +8,7 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.features.custom import n_columns
-from pgm_places.labelers.online import BeliefFilter
+from pgm_places.labelers.tracking import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import ListExamples, learn_list, segment_problem
 from pgm_places.models.boosted_list import list_average

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pgm_places.labelling.door_rectangles import doorways_as_rectangles
+from pgm_places.labelling.places import doorways_as_rectangles
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate

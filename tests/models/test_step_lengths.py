@@ -12,7 +12,7 @@ from scipy.linalg import expm, logm
 from pgm_places import LabelGraph, LabelingProblem
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.inference.backends import METHODS
-from pgm_places.labelers.online import BeliefFilter
+from pgm_places.labelers.tracking import BeliefFilter
 from pgm_places.models import evidence_weight
 from pgm_places.models.chain_statistics import transition_powers
 from pgm_places.models.hmm import HiddenMarkovModel

@@ -2,7 +2,7 @@ from pathlib import Path
 
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.sources import load_maps
 from pgm_places.simulation.demo import write_demo
 
 

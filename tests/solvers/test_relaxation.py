@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.graph.mask_cells import MaskCells
+from pgm_places.graph.layout import MaskCells
 from pgm_places.solvers.grid_relaxation import (
     BLOCK,
     BlockSizes,

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from pgm_places import LabelGraph, OccupancyGrid, load_map
 from pgm_places.errors import InputError
-from pgm_places.graph.mask_cells import MaskCells
+from pgm_places.graph.layout import MaskCells
 from pgm_places.spaces import cell_features
 from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, space_feature_names
 from pgm_places.spaces.components import neighbour_lists
