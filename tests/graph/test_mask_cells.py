@@ -1,11 +1,10 @@
 """The cells of a mask, listed as far as someone asks."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.graph.layout import MaskCells
 from tests.strategies import varied_arrays
 
@@ -19,8 +18,7 @@ def test_parts_are_those_of_the_whole_list(
     wanted, cells = np.argwhere(mask), MaskCells.of(mask)
     part = data.draw(st.slices(len(wanted)))
     some = np.array(data.draw(st.lists(st.integers(0, max(len(wanted) - 1, 0)))), np.int64)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", cells_in_band)
+    with band_limit(cells_in_band):
         assert np.array_equal(cells[:], wanted)
         assert np.array_equal(cells[part], wanted[part])
     if len(wanted):
