@@ -133,7 +133,9 @@ LEARN_SEEDS, LABEL_SEEDS = (1, 2), (11,)
 """Of the generated buildings that stand in."""
 
 
-def run(setting: Setting) -> Outcome:
+def run(
+    setting: Setting, detectors: Mapping[str, Mapping[str, float] | None] = DETECTORS
+) -> Outcome:
     """Laser alone and with simulated detectors of several qualities."""
     with setting.progress.stage("drives"):
         if setting.data is None:
@@ -142,7 +144,7 @@ def run(setting: Setting) -> Outcome:
         else:
             learn, label = _building79(setting.data)
     found = {}
-    for way, (name, options) in product(WAYS, DETECTORS.items()):
+    for way, (name, options) in product(WAYS, detectors.items()):
         with setting.progress.stage(f"{name}, {way}"):
             found[way, name] = _scored(way, learn, label, options, setting.n_threads)
     findings = [

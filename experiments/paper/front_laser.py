@@ -128,7 +128,11 @@ class Run:
     drive: Trajectory
 
 
-def run(setting: Setting) -> Outcome:
+def run(
+    setting: Setting,
+    beams: Mapping[str, BeamOptions] = BEAMS,
+    directions: Sequence[tuple[str, ...]] = DIRECTIONS,
+) -> Outcome:
     """From one part of a building to another, instead of the paper's floors."""
     what = "Runs of the COLD campaign in Saarbrücken, from one part of the building to another"
     if setting.data is None:
@@ -137,14 +141,14 @@ def run(setting: Setting) -> Outcome:
         "A has large rooms and a lobby that is labelled corridor, B has neither: a model "
         "trained in B recognises only a third of the steps in A's rooms.",
     )
-    return _outcome(setting, what, FLOORS, DIRECTIONS, remark if setting.data else ())
+    return _outcome(setting, what, FLOORS, directions, beams, remark if setting.data else ())
 
 
-def kth(setting: Setting) -> Outcome:
+def kth(setting: Setting, beams: Mapping[str, BeamOptions] = BEAMS) -> Outcome:
     """From the 6th floor to the 7th, as in the paper, and back."""
     names = tuple(KTH)
     what = "Runs of COLD-Stockholm, the paper's building, from floor to floor"
-    return _outcome(setting, what, KTH, (names, names[::-1]), ())
+    return _outcome(setting, what, KTH, (names, names[::-1]), beams, ())
 
 
 def _outcome(
@@ -152,6 +156,7 @@ def _outcome(
     what: str,
     of_floors: Mapping[str, tuple[str, ...]],
     directions: Sequence[tuple[str, ...]],
+    completions: Mapping[str, BeamOptions],
     remarks: tuple[str, ...],
 ) -> Outcome:
     """With nothing behind the robot, with a mirror image, and with the local map."""
@@ -159,7 +164,7 @@ def _outcome(
     with setting.progress.stage("drives"):
         floors = {name: _runs(setting, folders, geometry) for name, folders in of_floors.items()}
     found = {}
-    for way, (learn, label), (name, beams) in product(WAYS, directions, BEAMS.items()):
+    for way, (learn, label), (name, beams) in product(WAYS, directions, completions.items()):
         with setting.progress.stage(f"{learn} to {label}, {name}, {way}"):
             found[way, f"{learn} to {label}", name] = _scored(
                 way,

@@ -15,9 +15,9 @@ FINE_CELLS_M = (0.2, 0.1, 0.05, 0.02)
 FINEST_GENERATED_M = 0.05
 
 
-def run(setting: Setting) -> Outcome:
+def run(setting: Setting, cells_m: Sequence[float] = CELLS_M) -> Outcome:
     """The paper's 20 cm, and the finer cells that exceeded its memory."""
-    pictures, files, found = [], {}, _by_cells(setting, "resolutions", CELLS_M)
+    pictures, files, found = [], {}, _by_cells(setting, "resolutions", cells_m)
     for way, of_way in found.items():
         stem, coarse = way.replace(" ", "_"), next(iter(of_way.values()))
         files |= {

@@ -96,8 +96,11 @@ class BatchIndex:
         if not _is_in(self._known, _content(row)):
             with locked(self.out):
                 table.append(row, middle)
-        if time.monotonic() >= self._next_s:
+        if self._is_due():
             self.write_page(self.settle())
+
+    def _is_due(self) -> bool:
+        return time.monotonic() >= self._next_s
 
     def failed(self) -> dict[str, str]:
         """Names and files of the maps whose last run failed."""

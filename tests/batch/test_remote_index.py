@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch import batch_index
 from pgm_places.batch.batch_folder import index_folder
+from pgm_places.batch.batch_index import BatchIndex
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, label_batch
 from pgm_places.batch.remote_index import RemoteIndex
@@ -107,8 +107,7 @@ def test_lists_that_were_put_at_the_same_moment_are_merged(
 def test_lists_that_cannot_be_written_now_are_written_later(
     bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(batch_index, "_LEAST_PAUSE_S", 0.0)
-    monkeypatch.setattr(batch_index, "_PAUSES", 0)
+    monkeypatch.setattr(BatchIndex, "_is_due", lambda _: True)
     put_file, refused = type(bucket).put_file, list[str]()
 
     def busy(self: Any, local: str, target: str, **options: Any) -> None:

@@ -21,7 +21,7 @@ METHODS = ("independent", "potts", "relaxation", "amn", "crf")
 WITHOUT_LEARNING = METHODS[:3]
 SMALL = {
     0.2: (20, "laser", (((0, 200), (200, 400)), (100, 300))),
-    0.1: (4, "context", (((30, 130), (130, 230)), (200, 320))),
+    0.1: (4, "context", (((60, 120), (120, 180)), (210, 270))),
     0.05: (2, "space", (((60, 120), (120, 180)), (210, 270))),
 }
 """Rounds of boosting, what AMN and CRF learn from, and small parts of the building, by cells."""

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from pgm_places.live.dds_node import LONELY_AFTER_S
 from pgm_places.live.live_options import NodeOptions
 from pgm_places.live.ros_codec import RosCodec
 from pgm_places.persistence.stored import save
@@ -116,15 +117,12 @@ def test_a_drive_over_the_wire(node: "subprocess.Popen[str]", domain: int) -> No
     assert len(changes) == sum(row["changed"] for row in found)
 
 
-def test_topics_that_nobody_publishes_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
+def test_topics_that_nobody_publishes_are_named(tmp_path: Path, run: Run) -> None:
     domain = dds_domain("lonely")
     save(places(), tmp_path / "model")
-    monkeypatch.setattr("pgm_places.live.dds_node.LONELY_AFTER_S", 0.5)
     code, _, error = run(
         "live", "--dds", "--local", "--domain", domain, "--model", tmp_path / "model",
-        "--seconds", 3,
+        "--seconds", LONELY_AFTER_S + 1,
     )  # fmt: skip
     assert code == 0
     assert "no publisher of /tf_static, /tf, /map, /scan: are the topics" in error

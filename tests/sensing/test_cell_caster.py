@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pgm_places import OccupancyGrid, Sensor
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
-from pgm_places.sensing import _sweep
 from pgm_places.sensing._cell_caster import CellCaster
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
 from tests.real_data import real_data_folder
@@ -127,9 +126,8 @@ def test_dense_clutter_is_not_swept(
 
 
 def test_a_region_too_large_for_the_sweep_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
-    grid = OccupancyGrid(np.zeros((3, 400), np.int8), resolution_m=1.0)
-    expected = cast_cells(grid, Sensor(8, 1000.0))
-    monkeypatch.setattr(_sweep, "LARGEST_REGION", 500)
+    grid = OccupancyGrid(np.zeros((3, 400), np.int8), resolution_m=0.03)
+    expected = cast_cells(grid, Sensor(8, 900.0))  # 30,000 cells
     monkeypatch.setattr(CellCaster, "_sweep", lambda *_: pytest.fail("was swept"))
     np.testing.assert_array_equal(cast_cells(grid, Sensor(8, 1000.0)), expected)
 

@@ -71,10 +71,11 @@ class ScanColumns:
     ----------
     path : Path
         The log, for messages.
+    most_scans : int
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, most_scans: int = MAX_SCANS) -> None:
+        self.path, self._most_scans = path, most_scans
         self.n_scans = self._n_readings = 0
         self._kinds: dict[int, _Kind] = {}
 
@@ -94,9 +95,10 @@ class ScanColumns:
             kind.odometry.frombytes(scan.odometry.tobytes())
         self.n_scans += 1
         self._n_readings += scan.geometry.n_beams
-        if self.n_scans > MAX_SCANS or self._n_readings > MAX_READINGS:
+        if self.n_scans > self._most_scans or self._n_readings > MAX_READINGS:
             raise LogError(
-                f"{self.path}: more than {MAX_SCANS} scans or {MAX_READINGS} readings; split it"
+                f"{self.path}: more than {self._most_scans} scans or {MAX_READINGS} readings; "
+                "split it"
             )
         if len(self._kinds) > _MAX_KINDS:
             raise LogError(

@@ -1,8 +1,8 @@
 """The experiments with drives, in generated buildings of a few rooms."""
 
-import functools
 import json
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,7 +22,8 @@ from pgm_places.simulation import generate_building
 from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 
-SMALL = functools.partial(generate_building, size="small")
+SMALL = partial(generate_building, size="small")
+BEAMS = {front_laser.SHOWN: front_laser.BEAMS[front_laser.SHOWN]}
 
 
 def uses_in_turn(
@@ -42,10 +43,8 @@ def test_every_mode_has_a_row_and_two_have_the_paper_s_figure(
 ) -> None:
     monkeypatch.setattr(furnished_floors, "generate_building", SMALL)
     monkeypatch.setattr(furnished_floors, "used_rooms", uses_in_turn)
-    monkeypatch.setattr(categories, "LEARN_SEEDS", (1, 2))
     shown = {categories.SHOWN: furnished_floors.DETECTORS[categories.SHOWN]}
-    monkeypatch.setattr(categories, "DETECTORS", shown)
-    found = categories.run(Setting())
+    found = categories.run(Setting(), shown)
     [table] = found.tables
     rows = [row[:3] for row in table.rows]
     modes = (ALONE, *MODES.values())
@@ -58,10 +57,7 @@ def test_every_mode_has_a_row_and_two_have_the_paper_s_figure(
 @pytest.mark.slow
 def test_a_front_laser_is_tried_with_what_may_be_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front_laser, "generate_building", SMALL)
-    beams = {front_laser.SHOWN: front_laser.BEAMS[front_laser.SHOWN]}
-    monkeypatch.setattr(front_laser, "BEAMS", beams)
-    monkeypatch.setattr(front_laser, "DIRECTIONS", (("A", "B"),))
-    found = front_laser.run(Setting())
+    found = front_laser.run(Setting(), BEAMS, (("A", "B"),))
     [table] = found.tables
     assert {row[1] for row in table.rows} == {"A to B"}
     assert [item.paper for item in found.findings if item.paper] == [0.844] * 2
@@ -114,8 +110,7 @@ def test_the_paper_s_floors_are_read_from_a_folder(
 ) -> None:
     for floor, seed in (("floor6", 1), ("floor7", 2)):
         write_cold_floor(tmp_path / f"cold_stockholm_{floor}", seed)
-    beams = {front_laser.SHOWN: front_laser.BEAMS[front_laser.SHOWN]}
-    monkeypatch.setattr(front_laser, "BEAMS", beams)
+    monkeypatch.setattr(front_laser, "kth", partial(front_laser.kth, beams=BEAMS))
     [found] = reproduce(["7.6-kth"], tmp_path / "out", stockholm=tmp_path, n_threads=1)
     assert found.real
     [table] = found.tables

@@ -60,11 +60,8 @@ def test_the_topological_maps_are_counted_against_the_truth(setting: Setting) ->
     assert "topology_as_printed_ground_truth.png" in found.files
 
 
-def test_the_paper_s_figures_stand_beside_20_cm(
-    setting: Setting, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(resolutions, "CELLS_M", (0.2, 0.1))
-    found = resolutions.run(setting)
+def test_the_paper_s_figures_stand_beside_20_cm(setting: Setting) -> None:
+    found = resolutions.run(setting, (0.2, 0.1))
     papers = {(item.what, item.way): item.paper for item in found.findings if item.paper}
     assert papers == {
         (f"20 cm, {name}", way): figure

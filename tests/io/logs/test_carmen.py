@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from pgm_places import ScanGeometry
 from pgm_places.errors import InputError, LogError
-from pgm_places.io.logs import loaded_log
 from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans, read_carmen, write_carmen
+from pgm_places.io.logs.loaded_log import ScanColumns
 from tests.io.logs.log_files import HEADER, drive, flaser, robotlaser
 from tests.real_data import real_data_folder
 
@@ -266,11 +266,13 @@ def test_real_log_of_mixed_messages() -> None:
     np.testing.assert_allclose(away, 0.04, rtol=0, atol=1e-5)
 
 
-def test_the_number_of_scans_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loaded_log, "MAX_SCANS", 3)
-    assert len(read_carmen(write(tmp_path / "a.log", *[flaser([1.0])] * 3)).trajectory) == 3
+def test_the_number_of_scans_is_limited() -> None:
+    scans = ScanColumns(Path("a.log"), most_scans=3)
+    path = drive(ScanGeometry.half_circle(4), 4)
+    for k in range(3):
+        scans.add(path.scan(k))
     with pytest.raises(LogError, match="more than 3 scans or 500000000 readings; split it"):
-        read_carmen(write(tmp_path / "a.log", *[flaser([1.0])] * 4))
+        scans.add(path.scan(3))
 
 
 def test_beams_that_change_all_the_time_are_no_log(tmp_path: Path) -> None:
