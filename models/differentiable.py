@@ -22,7 +22,7 @@ from pgm_places.models.decoding_task import model_of
 from pgm_places.options import check_option
 
 PartitionMethod = Literal["auto", "exact", "trees", "mean-field"]
-Kind = Literal["exact", "upper bound", "lower bound"]
+Kind = Literal["exact", "upper bound", "lower bound", "approximate"]
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,8 @@ class ValueAndGradient:
         Derivative with respect to ``Potentials.unary``.
     pairwise : (E, K, K) float
         Derivative with respect to the table of each edge, in the order of ``graph.edges``.
-    kind : {"exact", "upper bound", "lower bound"}
-        Whether the value is exact or a bound; the gradient is of this value.
+    kind : {"exact", "upper bound", "lower bound", "approximate"}
+        Whether the value is exact, a bound, or neither is proved; the gradient is of this value.
     """
 
     value: float
@@ -147,7 +147,8 @@ def structured_hinge(
 ) -> ValueAndGradient:
     """The structured hinge loss of a labelling, with a subgradient.
 
-    ``max_y [score(y) + cost(y)] - score(labels)``, where the cost sums over nodes.
+    ``max_y [score(y) + cost(y)] - score(labels)``, where the cost sums over nodes. With unknown
+    labels, ``score(labels)`` is the best score of their completions.
 
     Parameters
     ----------
@@ -159,14 +160,16 @@ def structured_hinge(
         Cost of each label at each node, at least 0 and 0 for the true one; by default 1 for every
         wrong label (Hamming).
     decoder : str, optional
-        Finds the maximum; by default ``exact`` on graphs without cycles and ``graph-cut`` on
-        others, which takes associative potentials; ``trw-s`` takes any.
+        Finds the maximum, and completes unknown labels. By default ``exact`` on graphs without
+        cycles; on others ``graph-cut`` for regular potentials, such as associative ones, and
+        ``trw-s`` for all others.
 
     Returns
     -------
     ValueAndGradient
-        ``exact`` where the decoder proves its maximum. Otherwise the value is a lower bound of the
-        loss, as the maximum may be larger.
+        ``exact`` where the decoder proves both its maximum and the completion of unknown labels. A
+        maximum without proof makes the value a lower bound of the loss, a completion without proof
+        an upper bound, and both together make it ``approximate``.
 
     Raises
     ------
@@ -196,9 +199,11 @@ def structured_hinge(
         if (price < 0).any() or price[np.flatnonzero(known), truth[known]].any():
             raise InputError("cost must be at least 0, and 0 for the true labels")
     price = np.where(known[:, None], price, 0.0)
-    chosen = decoder or ("exact" if _forests([graph], [potentials]) else "graph-cut")
-    if not known.all():
-        truth = decode(graph, potentials, chosen, known=truth).labels
+    chosen = decoder or _maximiser(graph, potentials)
+    is_complete = bool(known.all())
+    if not is_complete:
+        completion = decode(graph, potentials, chosen, known=truth)
+        truth, is_complete = completion.labels, completion.status is Status.EXACT
     right = score(graph, potentials, truth)
     if right == -np.inf:
         raise InputError("labels are forbidden by the potentials: their score is -inf")
@@ -216,36 +221,83 @@ def structured_hinge(
             strict=True,
         )
     )
-    is_exact = worst.status is Status.EXACT and known.all()
-    return ValueAndGradient(value, of_nodes, of_edges, "exact" if is_exact else "lower bound")
+    kinds: dict[tuple[bool, bool], Kind] = {
+        (True, True): "exact",
+        (False, True): "lower bound",
+        (True, False): "upper bound",
+        (False, False): "approximate",
+    }
+    kind = kinds[worst.status is Status.EXACT, is_complete]
+    return ValueAndGradient(value, of_nodes, of_edges, kind)
+
+
+def _maximiser(graph: LabelGraph, potentials: Potentials) -> str:
+    """The default decoder: exact, or the first that supports the potentials."""
+    from pgm_places.solvers.expansion import require_regular
+
+    if _forests([graph], [potentials]):
+        return "exact"
+    try:
+        require_regular(model_of(graph, potentials))
+    except InputError:
+        return "trw-s"
+    return "graph-cut"
 
 
 def entropy(graph: LabelGraph, potentials: Potentials) -> float:
     """Entropy in nats of the distribution ``p ~ exp(score)``: ``log Z - E[score]``.
 
+    Parameters
+    ----------
+    graph, potentials
+        As of :func:`log_partition`.
+
     Raises
     ------
     InputError
         The graph has cycles and its treewidth is too large.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> round(entropy(graph, Potentials(np.zeros((2, 2)))), 4)  # 2 log 2
+    1.3863
     """
-    found = log_partition(graph, potentials, "exact")
+    found = _marginals(graph, potentials)
     return found.value - _expected_score(found, graph, potentials)
 
 
 def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> float:
-    """Kullback-Leibler divergence in nats of the second distribution from the first.
+    """Kullback-Leibler divergence ``KL(p || q)`` in nats, of p of the first and q of the second.
 
-    ``E_first[score_first - score_second] - log Z_first + log Z_second``; infinite where the second
-    forbids a labelling that the first does not.
+    ``E_p[score_p - score_q] - log Z_p + log Z_q``; infinite where the second potentials forbid a
+    labelling that the first allow.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+    first, second : Potentials
+        Of ``p ~ exp(score_p)`` and ``q ~ exp(score_q)``, on the same graph.
 
     Raises
     ------
     InputError
         The potentials do not fit the graph, or its treewidth is too large.
     """
-    p, q = (log_partition(graph, item, "exact") for item in (first, second))
+    p, q = (_marginals(graph, item) for item in (first, second))
     gain = _expected_score(p, graph, first) - _expected_score(p, graph, second)
     return max(gain - p.value + q.value, 0.0)
+
+
+def _marginals(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient:
+    """The exact log Z and marginals, for quantities that have no bound here."""
+    found = _exact(graph, checked_potentials(graph, potentials))
+    if found is None:
+        raise InputError(
+            f"entropy and divergence need exact marginals, and this graph of {graph.n_nodes} nodes "
+            f"and {graph.n_edges} edges would need too much memory; use a graph of lower treewidth"
+        )
+    return found
 
 
 def _expected_score(

@@ -93,7 +93,7 @@ def alpha_expansion(
     ([0, 0], 1.5, True)
     """
     require_at_least("max_sweeps", max_sweeps, 1)
-    _require_regular(model)
+    require_regular(model)
     labels = checked_labels(model, initial)
     moves = _Moves(model, labels, space or MoveSpace(model.around))
     if model.n_labels <= 2:
@@ -242,7 +242,7 @@ class _Moves:
         )
 
 
-def _require_regular(model: PairwiseModel) -> None:
+def require_regular(model: PairwiseModel) -> None:
     """Raise InputError, naming edge and labels, where an expansion move is no minimum cut."""
     if model.n_labels == 1 or model.around.n_edges == 0:
         return

@@ -202,6 +202,38 @@ def test_unknown_labels_are_completed_and_cost_nothing() -> None:
     right = every_score(graph, potentials.with_known(known)).max()
     assert found.value == pytest.approx(every_score(graph, raised).max() - right)
 
+    assert found.kind == "exact"
+
+
+def test_the_kind_is_true_where_neither_maximum_nor_completion_is_proved() -> None:
+    graph = GRAPHS["full"]
+    kinds = set()
+    for seed in range(40):
+        potentials = random_potentials(graph, seed, scale=3.0)
+        known = np.array([seed % 3, -1, -1, -1])
+        price = np.where(known[:, None] >= 0, (np.arange(3) != known[:, None]) * 1.0, 0.0)
+        raised = replace(potentials, unary=potentials.unary + price)
+        right = every_score(graph, potentials.with_known(known)).max()
+        loss = every_score(graph, raised).max() - right
+        for decoder in ("exact", "icm", None):
+            found = structured_hinge(graph, potentials, known, decoder=decoder)
+            kinds.add(found.kind)
+            if found.kind in ("exact", "lower bound"):
+                assert found.value <= loss + 1e-9
+            if found.kind in ("exact", "upper bound"):
+                assert found.value >= loss - 1e-9
+    assert {"exact", "approximate"} <= kinds
+
+
+def test_the_hinge_of_tables_that_repel_on_cycles() -> None:
+    graph = GRAPHS["ring"]
+    potentials = random_potentials(graph, 0)
+    truth = np.zeros(5, int)
+    raised = replace(potentials, unary=potentials.unary + (np.arange(3) != 0))
+    found = structured_hinge(graph, potentials, truth)
+    best = every_score(graph, raised).max() - score(graph, potentials, truth)
+    assert found.value == pytest.approx(best) if found.kind == "exact" else found.value <= best
+
 
 @pytest.mark.parametrize("name", ["chain", "ring"])
 def test_entropy_and_divergence(name: str) -> None:
@@ -228,6 +260,8 @@ def test_what_does_not_fit_is_refused() -> None:
     field = Potentials.potts(np.zeros((1600, 4)), 0.5)
     with pytest.raises(InputError, match="would need too much memory; use method 'trees'"):
         log_partition(large, field, "exact")
+    with pytest.raises(InputError, match="entropy and divergence need exact marginals"):
+        entropy(large, field)
     forbidden = replace(potentials, unary=np.where(np.arange(3) == 0, -np.inf, potentials.unary))
     with pytest.raises(InputError, match="labels are forbidden by the potentials"):
         structured_hinge(graph, forbidden, np.zeros(5, int))
