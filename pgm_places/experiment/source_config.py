@@ -105,11 +105,11 @@ class MapConfig:
             raise ConfigError("simulation requires simulated (a seed)")
 
     @property
-    def window(self) -> dict[str, tuple[Any, Any]]:
+    def window(self) -> dict[str, tuple[Any, ...]]:
         """The limits of the window by axis; None for an open end."""
         limits = {name: getattr(self, name) for name in ("columns", "rows", "x_m", "y_m")}
         return {
-            name: (_end(ends[0]), _end(ends[1]))
+            name: tuple(None if isinstance(end, str) else end for end in ends)
             for name, ends in limits.items()
             if ends is not None
         }
@@ -117,14 +117,8 @@ class MapConfig:
     @property
     def drawn(self) -> dict[str, Any]:
         """The options of a generated building that are not at their defaults."""
-        named = {
-            name: getattr(self, name) for name in ("style", "halls", "furniture", "slam_noise")
-        }
-        return {key: value for key, value in named.items() if value is not None}
-
-
-def _end(value: float | OpenEnd) -> float | None:
-    return None if isinstance(value, str) else value
+        names = ("style", "halls", "furniture", "slam_noise")
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,8 +208,8 @@ class GraphConfig:
     @property
     def other_columns(self) -> tuple[str, ...]:
         """The columns of nodes that are not features."""
-        named = [self.node, self.label, *(self.probabilities or ()), *(self.positions or ())]
-        return (*named, self.known) if self.known is not None else tuple(named)
+        named = (self.node, self.label, *(self.probabilities or ()), *(self.positions or ()))
+        return named if self.known is None else (*named, self.known)
 
 
 @dataclass(frozen=True, kw_only=True)

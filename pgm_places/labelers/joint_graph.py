@@ -42,12 +42,7 @@ class JointLabeling:
 class JointGraph:
     """The cells of a map, the segments of a drive, or both, each segment linked to its cell.
 
-    Parameters
-    ----------
-    graph : LabelGraph
-        The cells come first.
-    cells : LabelGraph or None
-    segments : PathSegments or None
+    The cells come first in ``graph``.
     """
 
     graph: LabelGraph
@@ -64,22 +59,10 @@ class JointGraph:
         every_m: float,
         loop_m: float = 0.0,
     ) -> Self:
-        """The graph of a map, a drive or both.
+        """The graph of a map, of a drive in the frame of the map, or of both.
 
-        Parameters
-        ----------
-        cells : LabelGraph, optional
-            The cells to label of the map ``grid``.
-        grid : OccupancyGrid, optional
-            In the frame of the drive's poses.
-        drive : Trajectory, optional
-        every_m, loop_m : float
-            See :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`.
-
-        Raises
-        ------
-        InputError
-            There is neither a map nor a drive, or no step is on a cell of the graph.
+        ``every_m`` and ``loop_m`` are options of a TrajectoryLabeler. InputError if there is
+        neither a map nor a drive, or no step is on a cell of the graph.
         """
         if drive is None:
             if cells is None:
@@ -130,17 +113,12 @@ class JointGraph:
         return LabelingProblem(self.graph, label_names, unary, edge_features=weights)
 
     def truth(
-        self, of_cells: NDArray[np.int64] | None, of_steps: NDArray[np.int64] | None, n_labels: int
+        self, of_cells: NDArray[np.int64], of_steps: NDArray[np.int64] | None, n_labels: int
     ) -> NDArray[np.int64]:
-        """(N,) true label of each node, from the labels of cells and steps; -1 where unknown."""
-        truths = []
-        if self.cells is not None:
-            truths.append(np.full(self.n_cells, -1) if of_cells is None else of_cells)
-        if self.segments is not None and of_steps is not None:
-            truths.append(self.segments.majority(of_steps, n_labels))
-        elif self.segments is not None:
-            truths.append(np.full(len(self.segments), -1))
-        return np.concatenate(truths)
+        """(N,) true label of each node of a map, from the labels of its cells and of the steps."""
+        if self.segments is None or of_steps is None:
+            return of_cells
+        return np.concatenate([of_cells, self.segments.majority(of_steps, n_labels)])
 
     def split(self, whole: Labeling) -> JointLabeling:
         """Split a labelling into the map's cells and the drive's steps."""
@@ -151,17 +129,9 @@ class JointGraph:
 
 
 class JointScores(NamedTuple):
-    """Scores of each node before inference, and the joint graph.
+    """Scores of each node before inference, the unary (N, K) of the cells and (T, K) of the steps.
 
-    Parameters
-    ----------
-    graph : JointGraph
-    cells : (N, K) float or None
-        Unary of the cells.
-    steps : (T, K) float or None
-        Scores of the steps.
-    doorways : Doorways or None
-        The accepted gates of the map, if the model uses space features.
+    ``doorways`` are the accepted gates of the map, if the model uses space features.
     """
 
     graph: JointGraph

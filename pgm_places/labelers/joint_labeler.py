@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._arguments import public_options
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import METHODS, Learnable
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers import method as method_use
@@ -26,7 +27,6 @@ from pgm_places.options import Positive
 from pgm_places.progress import Progress, reporting_to
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.map_model import CellScores
 
 LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Candidate weights of links, relative to all other edges."""
@@ -103,11 +103,8 @@ class JointLabeler(Labeler):
     def check_options(self) -> None:
         """Check the options, as :meth:`fit` does first.
 
-        Raises
-        ------
-        ConfigError
-            An option is invalid, the method is for chains, or ``places`` or ``steps`` has other
-            labels.
+        ConfigError for an invalid option, a method for chains, or ``places`` or ``steps`` with
+        other labels.
         """
         super().check_options()
         method_use.check_labels_maps("the method", method_use.as_backend(self.method))
@@ -149,8 +146,7 @@ class JointLabeler(Labeler):
         LabelError
             A label has no example.
         """
-        with thread_limit(n_threads), reporting_to(progress):
-            self.fit_methods({"": self.method}, drives, maps)
+        self.fit_methods({"": self.method}, drives, maps, n_threads=n_threads, progress=progress)
         return self
 
     def fit_methods(
@@ -162,21 +158,9 @@ class JointLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> dict[str, Self]:
-        """Fit several methods on the scores of shared lists; a labeler per method.
+        """Fit several methods by name on the scores of shared lists, as :meth:`fit`.
 
-        The labeler itself gets the last of the methods.
-
-        Parameters
-        ----------
-        methods : mapping of str to Backend or str
-            Methods by name; the labelers are returned with these names.
-        drives, maps, n_threads, progress
-            See :meth:`fit`.
-
-        Raises
-        ------
-        ConfigError, InputError, LabelError
-            See :meth:`fit`.
+        Returns a labeler per method; the labeler itself gets the last of the methods.
         """
         self.check_options()
         methods = {name: method_use.as_backend(method) for name, method in methods.items()}
@@ -184,7 +168,6 @@ class JointLabeler(Labeler):
             method_use.check_labels_maps(f"method {name!r}" if name else "the method", method)
         if not drives:
             raise InputError("learning cells and steps together needs at least one labelled drive")
-        names = tuple(self.label_names)
         all_maps = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
         places, steps = self._parts()
         paths = [replace(item.drive, building=item.building) for item in drives]
@@ -193,30 +176,29 @@ class JointLabeler(Labeler):
             unary = places.learn(all_maps, with_scores=True)
             _, of_steps = learn_labelers(steps, {"": steps.method}, all_maps, paths, None, grids)
             assert unary.scores is not None  # because of with_scores
-            examples = self._examples(places, steps, drives, all_maps, unary.scores, of_steps)
-            scores, truths = zip(*examples, strict=True)
-            shared = {"places_": places, "steps_": steps, "label_names_": names}
-
-            def learn(method: Any) -> dict[str, Any]:
-                return shared | self._learned(method, scores, truths, names)
-
-            return self.set_learned_with(methods, learn)
+            of_cells = [scores.of(places.method().unary) for scores in unary.scores]
+            examples = _examples(places, steps, drives, all_maps, of_cells, of_steps)
+            return self.set_learned_with(
+                methods,
+                lambda method: {
+                    **self._learned(method, *zip(*examples, strict=True)),
+                    "places_": places,
+                    "steps_": steps,
+                    "label_names_": tuple(self.label_names),
+                },
+            )
 
     def _learned(
-        self,
-        method: Any,
-        scores: Sequence[JointScores],
-        truths: Sequence[NDArray[np.int64]],
-        names: tuple[str, ...],
+        self, method: Any, scores: Sequence[JointScores], truths: Sequence[NDArray[np.int64]]
     ) -> dict[str, Any]:
         """The fitted method, and the weight of links for methods with fixed edge weights."""
-        weight = None
+        names, weight = tuple(self.label_names), None
         if isinstance(method, Learnable):
-            problems = [drive_scores.problem(names, None) for drive_scores in scores]
+            problems = [example.problem(names, None) for example in scores]
             method = method_use.with_edge_kinds(method).fit(problems, truths)
         elif hasattr(method, "edge_weights"):
             method = replace(method, edge_weights="given")
-            weight = self._link_weight(method, scores, np.concatenate(truths), names)
+            weight = self._link_weight(method, scores, np.concatenate(truths))
         return {"method_": method, "link_weight_": weight}
 
     def _parts(self) -> tuple[PlaceLabeler, TrajectoryLabeler]:
@@ -230,55 +212,16 @@ class JointLabeler(Labeler):
             places.set_params(methods=("independent",))
         return places, steps.set_params(method="independent")
 
-    def _examples(
-        self,
-        places: PlaceLabeler,
-        steps: TrajectoryLabeler,
-        drives: Sequence[MappedDrive],
-        known: Sequence[LabelledMap],
-        of_cells: Sequence[CellScores],
-        of_steps: Sequence[NDArray[np.float64]],
-    ) -> list[tuple[JointScores, NDArray[np.int64]]]:
-        """Scores and true labels per drive with its map, and per map without one."""
-        unary = places.method().unary
-        number = {id(map_): index for index, map_ in enumerate(known)}
-
-        def example(
-            map_: LabelledMap, drive: Trajectory | None, scores: NDArray[np.float64] | None
-        ) -> tuple[JointScores, NDArray[np.int64]]:
-            cells = map_.graph(connectivity=places.connectivity, labelled_only=True)
-            graph = JointGraph.of(
-                cells, map_.grid, drive, every_m=steps.update_m, loop_m=steps.loop_m
-            )
-            of_drive = None if drive is None else drive.labels
-            truth = graph.truth(map_.truth(cells), of_drive, len(tuple(self.label_names)))
-            cell_scores = of_cells[number[id(map_)]].of(unary)
-            return JointScores(graph, cell_scores, scores), truth
-
-        examples = []
-        for driven, scores in zip(drives, of_steps, strict=True):
-            assert driven.drive.labels is not None  # checked when the list was trained
-            labelled = driven.drive.subset(driven.drive.labels >= 0)
-            examples.append(example(driven.map, labelled, scores))
-        with_drive = {id(map_.map) for map_ in drives}
-        examples += [example(map_, None, None) for map_ in known if id(map_) not in with_drive]
-        return examples
-
     def _link_weight(
-        self,
-        method: Any,
-        scores: Sequence[JointScores],
-        truth: NDArray[np.int64],
-        names: tuple[str, ...],
+        self, method: Any, scores: Sequence[JointScores], truth: NDArray[np.int64]
     ) -> float:
         """The fixed weight, or the one with the best balanced accuracy on held-out scores."""
         if self.link_weight != "fitted":
             return float(self.link_weight)
+        names = tuple(self.label_names)
 
         def accuracy(weight: float) -> float:
-            labels = [
-                method.infer(drive_scores.problem(names, weight)).labels for drive_scores in scores
-            ]
+            labels = [method.infer(example.problem(names, weight)).labels for example in scores]
             return evaluate(truth, np.concatenate(labels), names).balanced_accuracy
 
         return max(LINK_WEIGHTS, key=accuracy)
@@ -309,9 +252,7 @@ class JointLabeler(Labeler):
                 doorways = accepted_doorways(places.unary_model_, grid, unary)
             if drive is not None:
                 step_scores = self.steps_.scores(drive, known_map=grid)
-        graph = JointGraph.of(
-            cells, grid, drive, every_m=self.steps_.update_m, loop_m=self.steps_.loop_m
-        )
+        graph = _joint_graph(self.steps_, cells, grid, drive)
         return JointScores(graph, cell_scores, step_scores, doorways)
 
     def infer(self, scores: JointScores, *, truth: ArrayLike | None = None) -> JointLabeling:
@@ -356,29 +297,14 @@ class JointLabeler(Labeler):
         return self.places_.choices if hasattr(self, "places_") else {}
 
     def with_steps(self, **options: Any) -> Self:
-        """A fitted copy with other options of ``steps``, such as ``every_m`` or ``beams__missing``.
-
-        Raises
-        ------
-        ConfigError
-            An option is unknown or has an invalid value.
-        """
+        """A fitted copy with other options of ``steps``, such as ``every_m``."""
         self.check_fitted()
         other = copy.copy(self)
         other.steps_ = self.steps_.with_options(**options)
         return other
 
     def of_maps(self) -> PlaceLabeler:
-        """A fitted PlaceLabeler with the same list and method, for maps without a drive.
-
-        It works with all functions for PlaceLabelers, such as
-        :func:`pgm_places.labelling.label.label_map`.
-
-        Raises
-        ------
-        NotFittedError
-            Before :meth:`fit`.
-        """
+        """A fitted PlaceLabeler with the same list and method, for maps without a drive."""
         self.check_fitted()
         backend = self.method_
         if self.link_weight_ is not None:  # without links, all edges have the same weight
@@ -388,3 +314,38 @@ class JointLabeler(Labeler):
         places.methods = {name: method_use.PlaceMethod(method_use.unfitted(backend), unary)}
         places.methods_ = {name: method_use.PlaceMethod(backend, unary)}
         return places
+
+
+def _joint_graph(
+    steps: TrajectoryLabeler,
+    cells: LabelGraph | None,
+    grid: OccupancyGrid | None,
+    drive: Trajectory | None,
+) -> JointGraph:
+    return JointGraph.of(cells, grid, drive, every_m=steps.update_m, loop_m=steps.loop_m)
+
+
+def _examples(
+    places: PlaceLabeler,
+    steps: TrajectoryLabeler,
+    drives: Sequence[MappedDrive],
+    maps: Sequence[LabelledMap],
+    of_cells: Sequence[NDArray[np.float64]],
+    of_steps: Sequence[NDArray[np.float64]],
+) -> list[tuple[JointScores, NDArray[np.int64]]]:
+    """Scores and true labels of the labelled nodes per drive with its map, then of other maps."""
+    scores_of = {id(map_): scores for map_, scores in zip(maps, of_cells, strict=True)}
+    driven = {id(item.map) for item in drives}
+    items: list[tuple[LabelledMap, Trajectory | None, NDArray[np.float64] | None]] = []
+    for item, scores in zip(drives, of_steps, strict=True):
+        assert item.drive.labels is not None  # checked when the list was trained
+        items.append((item.map, item.drive.subset(item.drive.labels >= 0), scores))
+    items += [(map_, None, None) for map_ in maps if id(map_) not in driven]
+    examples = []
+    for map_, drive, step_scores in items:
+        cells = map_.graph(connectivity=places.connectivity, labelled_only=True)
+        graph = _joint_graph(steps, cells, map_.grid, drive)
+        labels = None if drive is None else drive.labels
+        truth = graph.truth(map_.truth(cells), labels, len(steps.label_names_))
+        examples.append((JointScores(graph, scores_of[id(map_)], step_scores), truth))
+    return examples

@@ -17,13 +17,8 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import (
-    PlaceMethod,
-    Unary,
-    check_labels_maps,
-    infer,
-    place_methods,
-)
+from pgm_places.labelers.method import PlaceMethod as PlaceMethod
+from pgm_places.labelers.method import Unary, check_labels_maps, infer, place_methods
 from pgm_places.labelers.place_problem import apply_space_evidence, cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -41,8 +36,6 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does n
     from pgm_places.models.decision_list import DecisionListClassifier
     from pgm_places.models.hmm import HiddenMarkovModel
     from pgm_places.unary.learning import LearnedUnary
-
-__all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 
 Connectivity = Literal[4, 8]
 SENSOR = Sensor()
@@ -156,13 +149,7 @@ class PlaceLabeler(Labeler):
     _call_first: ClassVar[str] = "fit(maps)"
 
     def check_options(self) -> None:
-        """Check the options, as :meth:`fit` does first.
-
-        Raises
-        ------
-        ConfigError
-            An option is invalid, or a method cannot label maps.
-        """
+        """Check the options, as :meth:`fit` does first; ConfigError for an invalid one."""
         super().check_options()
         as_features(self.features)
         for name, method in self.resolved_methods().items():
@@ -208,7 +195,7 @@ class PlaceLabeler(Labeler):
     ) -> "LearnedUnary":
         """:meth:`fit` the labeler, and return the unary model for further training.
 
-        ``with_scores`` includes held-out scores of each map's labelled cells, in the order of
+        ``with_scores`` includes held-out scores of the labelled cells, in the order of
         ``map.graph(labelled_only=True)``.
         """
         from pgm_places.labelers.place_learning import learn_places  # not needed for labelling
@@ -327,10 +314,7 @@ class PlaceLabeler(Labeler):
     def hall_probability(
         self, labeling: Labeling, hall: NDArray[np.float32] | None
     ) -> NDArray[np.float32] | None:
-        """(N,) the probability that each node is in a hall, if halls are shown as corridors.
-
-        None if they are not, if the model does not distinguish halls, and without beliefs.
-        """
+        """(N,) the probability of halls, if they are shown as corridors; None without beliefs."""
         if hall is None or labeling.beliefs is None or self.halls != "corridor":
             return None
         circulation = labeling.beliefs[:, self.learned_names.index("corridor")]

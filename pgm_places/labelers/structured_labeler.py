@@ -157,23 +157,9 @@ class StructuredLabeler(Labeler):
         sample_weight: Sequence[ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> dict[str, Self]:
-        """Fit several backends on the scores of one classifier; a labeler per backend.
+        """Fit several backends by name on the scores of one classifier, as :meth:`fit`.
 
-        The labeler itself gets the last of the backends.
-
-        Parameters
-        ----------
-        methods : mapping of str to Backend or str
-            Backends by name; the labelers are returned with these names.
-        X, y, sample_weight
-            See :meth:`fit`.
-        progress : Progress, optional
-            Reporter of stages; none by default.
-
-        Raises
-        ------
-        ConfigError, InputError, LabelError
-            See :meth:`fit`.
+        Returns a labeler per backend; the labeler itself gets the last of the backends.
         """
         self.check_options()
         methods = {name: as_backend(method) for name, method in methods.items()}
@@ -337,13 +323,7 @@ class StructuredLabeler(Labeler):
             )
 
     def check_options(self) -> None:
-        """Check the options, as :meth:`fit` does first.
-
-        Raises
-        ------
-        ConfigError
-            An option is invalid.
-        """
+        """Check the options, as :meth:`fit` does first; ConfigError for an invalid one."""
         super().check_options()
         as_backend(self.backend)
         if self.classifier is not None and not hasattr(self.classifier, "predict_proba"):

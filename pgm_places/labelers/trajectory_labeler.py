@@ -193,13 +193,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         )
 
     def check_options(self) -> None:
-        """Check the options, as :meth:`fit` does first.
-
-        Raises
-        ------
-        InputError
-            An option is invalid.
-        """
+        """Check the options, as :meth:`fit` does first; InputError for an invalid one."""
         super().check_options()
         method_use.as_backend(self.method)
         if self.floor is not None:
@@ -256,21 +250,9 @@ class TrajectoryLabeler(WithDistance, Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> dict[str, Self]:
-        """Fit several methods on the scores of one list; a labeler per method.
+        """Fit several methods by name on the scores of one list, as :meth:`fit`.
 
-        The labeler itself gets the last of the methods.
-
-        Parameters
-        ----------
-        methods : mapping of str to Backend or str
-            Methods by name; the labelers are returned with these names.
-        maps, trajectories, extra, known_map, n_threads, progress
-            See :meth:`fit`.
-
-        Raises
-        ------
-        LabelError, InputError
-            See :meth:`fit`.
+        Returns a labeler per method; the labeler itself gets the last of the methods.
         """
         with thread_limit(n_threads), reporting_to(progress):
             return learn_labelers(self, methods, maps, trajectories, extra, known_map)[0]
@@ -284,12 +266,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
     ) -> OnlineLabeler:
         """A new online labeler for a robot with this laser: ``step(scan) -> belief``.
 
-        Raises
-        ------
-        InputError
-            The method is not a hidden Markov model.
-        NotFittedError
-            Before :meth:`fit`.
+        InputError if the method is not a hidden Markov model.
         """
         self.check_fitted()
         observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map, self.floor)
@@ -390,13 +367,8 @@ class TrajectoryLabeler(WithDistance, Labeler):
     def updated_every(self, every_m: AtLeastZero) -> tuple[Self, float]:
         """A fitted copy with another distance between updates and rescaled transitions.
 
-        The second result is the largest error of a transition probability: see
-        :meth:`.HiddenMarkovModel.rescaled`. Other methods do not change.
-
-        Raises
-        ------
-        InputError
-            The transitions cannot be rescaled to this distance.
+        The second result is the largest error of a transition probability, 0 for other methods: see
+        :meth:`.HiddenMarkovModel.rescaled`. InputError if they cannot be rescaled to this distance.
         """
         self.check_fitted()
         other, changed = self.with_options(every_m=every_m), 0.0

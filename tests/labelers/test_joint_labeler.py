@@ -122,13 +122,14 @@ def test_segments_pass_their_labels_to_all_of_their_steps() -> None:
     np.testing.assert_array_equal(found.steps.labels, labels[graph.segments.of_step])
 
 
-def test_truth_without_labels_is_unknown() -> None:
+def test_truth_of_the_cells_comes_before_that_of_the_segments() -> None:
     cells = known(0).graph()
-    graph = JointGraph.of(cells, known(0).grid, walk(0), every_m=0.0)
-    truth = graph.truth(None, walk(0).labels, 2)
-    assert (truth[: graph.n_cells] == -1).all()
-    np.testing.assert_array_equal(truth[graph.n_cells :], walk(0).labels)
-    assert (graph.truth(known(0).truth(cells), None, 2)[graph.n_cells :] == -1).all()
+    graph, of_cells = (
+        JointGraph.of(cells, known(0).grid, walk(0), every_m=0.0),
+        known(0).truth(cells),
+    )
+    truth = graph.truth(of_cells, walk(0).labels, 2)
+    np.testing.assert_array_equal(truth, np.concatenate([of_cells, walk(0).labels]))
 
 
 def test_the_weight_of_links_is_fitted_or_taken() -> None:
