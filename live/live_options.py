@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.options import AtLeastZero, Options, Positive, Probability
+from pgm_places.options.marks import Ge, Le
 
 
 @dataclass(frozen=True)

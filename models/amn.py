@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout, StepLayout
 from pgm_places.inference.backends import in_learned_order, learned
@@ -56,6 +55,7 @@ from pgm_places.models.linear_features import (
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.models.observed_labels import with_observed
 from pgm_places.options import Positive, Whole
+from pgm_places.options.marks import Gt, Lt, MinLen
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import QPSolver

@@ -9,8 +9,8 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import travels
 from pgm_places._checks import finite_array, number_array
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem

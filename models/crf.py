@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.inference.backends import in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
@@ -55,6 +54,7 @@ from pgm_places.models.linear_features import (
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.models.observed_labels import with_observed, without_observed
 from pgm_places.options import Positive, Whole
+from pgm_places.options.marks import Gt, Lt, MinLen
 from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.table_field import TableField

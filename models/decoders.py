@@ -4,10 +4,10 @@ import importlib
 from collections.abc import Callable
 from typing import Annotated
 
-from pgm_places._option_marks import NameOf
 from pgm_places.errors import ConfigError, InputError, nearest_name
 from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder
+from pgm_places.options.marks import NameOf
 
 GROUP = "pgm_places.decoders"
 """Entry-point group of decoders in other packages: ``name = "package.module:function"``."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._option_marks import Ge, Lt
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials
+from pgm_places.options.marks import Ge, Lt
 
 if TYPE_CHECKING:
     from pgm_places.solvers.pairwise import PairwiseModel

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, integer_array, set_frozen
-from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosting_rounds import boosted
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 from pgm_places.options import Seed
+from pgm_places.options.marks import Ge, Gt, Le
 
 
 @dataclass(frozen=True, eq=False)

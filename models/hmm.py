@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import LearnedNames, Traits, in_learned_order, learned
 from pgm_places.inference.labeling import Labeling, Status
@@ -36,6 +35,7 @@ from pgm_places.models.evidence_weight import (
     words_of_choices,
 )
 from pgm_places.options import AtLeastZero, Options
+from pgm_places.options.marks import Ge, Gt, Le
 from pgm_places.solvers.forward import ChainPath
 
 Mode = Literal["filter", "smooth", "viterbi"]

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import travels
 from pgm_places._checks import (
     finite_array,
     integer_array,
@@ -16,8 +17,6 @@ from pgm_places._checks import (
     set_frozen,
     stacked_rows,
 )
-from pgm_places._option_marks import Ge, Gt, Le, Lt
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import LearnedNames, Traits, in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
@@ -54,6 +53,7 @@ from pgm_places.models.linear_features import (
 )
 from pgm_places.models.observed_labels import mask_observed_losses, observed_labels
 from pgm_places.options import AtLeastZero, Positive, Whole, check_options
+from pgm_places.options.marks import Ge, Gt, Le, Lt
 from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import checked_costs
 from pgm_places.solvers.set_terms import SetTerms

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.options import Options, Seed
+from pgm_places.options.marks import Ge, Gt, Le, Lt
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._option_marks import Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Traits
@@ -20,6 +19,7 @@ from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.models.decoding_task import Damping
 from pgm_places.models.evidence_weight import Evidence, divided_share, without_prior
 from pgm_places.options import AtLeastZero, Options, Positive, Whole
+from pgm_places.options.marks import Gt, Le
 
 # Candidate weights, in units of the default, which wins among equals.
 FACTORS = (1.0, 0.0, 0.125, 0.25, 0.5, 2.0, 4.0)

@@ -8,9 +8,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import travels
 from pgm_places._checks import freeze, integer_array, number_array, row_blocks, set_frozen
-from pgm_places._option_marks import Ge, Lt
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
@@ -21,6 +20,7 @@ from pgm_places.models import relaxation_choice as on_held_out
 from pgm_places.models.evidence_weight import Evidence, divided_share, without_prior
 from pgm_places.models.labelled_examples import labelled_parts
 from pgm_places.options import AtLeastZero, Whole, check_options
+from pgm_places.options.marks import Ge, Lt
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
     edge_pair_counts,

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pgm_places._arguments import public_options
-from pgm_places._option_marks import Ge, Le
 from pgm_places.options import OptionError, Probability, check_options, option_values
+from pgm_places.options.marks import Ge, Le
 
 Share = Annotated[float, Ge(0), Le(1)]
 Amount = Annotated[float, Ge(0), Le(10)]

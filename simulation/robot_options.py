@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import radians
 from typing import TYPE_CHECKING, Annotated
 
-from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.options import AtLeastZero, Options, Positive, Seed
+from pgm_places.options.marks import Ge, Gt, Le
 
 if TYPE_CHECKING:  # the flags that these options become do without NumPy
     from pgm_places.sensing.sensor import SensorNoise

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.places.place_ids_file import read_session, write_session
@@ -17,6 +16,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelling.files import earlier_places
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.options import check_option, from_mapping
+from pgm_places.options.marks import Ge, Le
 from pgm_places.studio import strokes
 from pgm_places.studio.building_bounds import building_bounds
 from pgm_places.studio.journal import SourceFile

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from pgm_places._core import mark_brush
-from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.regions import rasterize_polygon
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_options
+from pgm_places.options.marks import Ge, Le
 from pgm_places.studio.runs import mask_of_runs, runs_of_mask
 from pgm_places.topology.cuts import Line
 from pgm_places.topology.place_edits import doorways_between

@@ -19,7 +19,6 @@ import pytest
 from annotated_types import Interval, Predicate
 from annotated_types import Le as TheirLe
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, describe_type
 from pgm_places.cli.app import run
 from pgm_places.cli.declarations import flag_of, option_flags
 from pgm_places.errors import ConfigError
@@ -39,6 +38,7 @@ from pgm_places.options import (
     option_values,
     plain_values,
 )
+from pgm_places.options.marks import Ge, Gt, Le, Lt, MinLen, describe_type
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.simulation.map_simulation import MapSimulation
 from pgm_places.simulation.odometry_noise import OdometryNoise

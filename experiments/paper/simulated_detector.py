@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen_copy, integer_array
-from pgm_places._option_marks import Gt, Le
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import (
     AtLeastZero,
@@ -17,6 +16,7 @@ from pgm_places.options import (
     Whole,
     check_options,
 )
+from pgm_places.options.marks import Gt, Le
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.vision.object_counts import N_IMAGES
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Generic, TypeVar, Union
 
-from pgm_places._option_marks import unannotated, union_members
 from pgm_places.options import (
     OptionError,
     check_option,
@@ -28,6 +27,7 @@ from pgm_places.options import (
     option_lines,
     option_values,
 )
+from pgm_places.options.marks import unannotated, union_members
 
 
 @dataclass

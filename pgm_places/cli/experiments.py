@@ -4,7 +4,6 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import grouped
 from pgm_places.cli.label import WorkerOptions, make_workers
@@ -12,6 +11,7 @@ from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
 from pgm_places.errors import InputError
 from pgm_places.options import Seed
+from pgm_places.options.marks import Ge, Le
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment

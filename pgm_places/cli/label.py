@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.cli import declarations
 from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, GivenOptions, Option, grouped
@@ -17,6 +16,7 @@ from pgm_places.cli.terminal import make_progress, say, say_next, say_written
 from pgm_places.errors import InputError
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.options import Positive, option_hints
+from pgm_places.options.marks import Ge, Le
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import pgm_places as pp
-from pgm_places._option_marks import Ge
 from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option, option_flags
 from pgm_places.cli.inputs import read_labels, read_map
@@ -13,6 +12,7 @@ from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.options import AtLeastZero, Seed, UnknownGrey, Whole
+from pgm_places.options.marks import Ge
 from pgm_places.simulation.map_simulation import MapSimulation
 from pgm_places.simulation.robot_options import LaserOptions, RobotMotion
 

@@ -8,9 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._arguments import public
+from pgm_places._arguments import public, travels
 from pgm_places._checks import finite_array, integer_array, number_array, set_frozen
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError, LabelError
 
 

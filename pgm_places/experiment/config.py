@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pgm_places._checks import plain_names
-from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.source_config import (
     SourceConfig,
@@ -29,6 +28,7 @@ from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.labelers.presets import Preset, with_preset
 from pgm_places.options import OptionError, Options, Positive, check_options, from_mapping
+from pgm_places.options.marks import Ge, Le, MinLen
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.teaching.training_selection import OF_PAINT_ALONE, TeachingOptions

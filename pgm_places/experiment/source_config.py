@@ -5,7 +5,6 @@ from collections.abc import Set
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pgm_places._option_marks import Ge, MinLen
 from pgm_places.errors import ConfigError
 from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.options import (
@@ -17,6 +16,7 @@ from pgm_places.options import (
     Whole,
     check_options,
 )
+from pgm_places.options.marks import Ge, MinLen
 from pgm_places.sensing.simulated_moves import N_RUNS
 from pgm_places.simulation.map_simulation import MapSimulation
 from pgm_places.simulation.robot_options import LaserOptions, RobotMotion

@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import travels
 from pgm_places._checks import frozen_copy, integer_array, require_type
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 
 

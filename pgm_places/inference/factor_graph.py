@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import travels
 from pgm_places._checks import finite_array, frozen_copy, integer_array, set_frozen
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials

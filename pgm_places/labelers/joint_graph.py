@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._travelling import travels
+from pgm_places._arguments import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.raster_edges import EdgeKind

@@ -40,9 +40,9 @@ import time
 from collections.abc import Callable, Hashable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pgm_places._argument_kinds import NO, check_of, hints_of
-from pgm_places._argument_words import described, words
 from pgm_places._arguments import public_options
+from pgm_places._arguments.kinds import NO, check_of, hints_of
+from pgm_places._arguments.words import described, words
 from pgm_places.errors import ConfigError, NotFittedError, nearest_name
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.labelers.method import as_backend

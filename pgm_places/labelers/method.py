@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._argument_words import described
 from pgm_places._arguments import public_options
+from pgm_places._arguments.words import described
 from pgm_places._checks import integer_array, set_frozen, stacked_rows
 from pgm_places.errors import ConfigError, quoted
 from pgm_places.graph.edge_list import EdgeList

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public_options
-from pgm_places._option_marks import Gt, Lt
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import Learnable
@@ -27,6 +26,7 @@ from pgm_places.labelers.method import (
     with_shares,
 )
 from pgm_places.labelers.structured_learning import Truth, numbered
+from pgm_places.options.marks import Gt, Lt
 from pgm_places.progress import Progress, reporting_to
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from pgm_places._option_marks import Ge, Lt
 from pgm_places.errors import ModelFileError
 from pgm_places.features.custom import FEATURES, as_features, n_columns
 from pgm_places.features.laser import feature_set_hash
@@ -16,6 +15,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelers.place_problem import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
 from pgm_places.options import Positive, check_option
+from pgm_places.options.marks import Ge, Lt
 from pgm_places.persistence import unary as parts
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._arguments import public_options
-from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, Options, Positive, Probability, Seed, check_options
+from pgm_places.options.marks import Ge, Le
 
 
 @public_options

@@ -6,11 +6,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._option_marks import Ge
 from pgm_places.models import further_boosting
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.further_boosting import FurtherRounds, TeachingExamples
 from pgm_places.options import AtLeastZero, Options
+from pgm_places.options.marks import Ge
 
 OF_PAINT_ALONE = ("max_cells_per_class", "seed")
 """The options that also apply to training on paint alone."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places import plotting
+from pgm_places._arguments import travels
 from pgm_places._checks import freeze, require_shape, set_frozen
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells

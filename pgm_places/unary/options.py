@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.models.list_options import ListOptions, PriorWeight
 from pgm_places.options import Options, Positive, option_values, subset_of
+from pgm_places.options.marks import Ge, Gt, Le
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier

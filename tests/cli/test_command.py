@@ -5,11 +5,11 @@ from typing import Annotated, Any
 
 import pytest
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.command import Command
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.errors import InputError
 from pgm_places.options import Whole
+from pgm_places.options.marks import Ge, Le
 
 
 def draw(

@@ -8,12 +8,12 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_record, user_path
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option
+from pgm_places.options.marks import Ge
 from pgm_places.topology.place_ids import PlaceIds, RememberedPlace
 
 __all__ = ["read_session", "write_session"]

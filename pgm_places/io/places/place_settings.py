@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_record
@@ -20,6 +19,7 @@ from pgm_places.io.places.topology_files import MAX_BYTES, MOST, Raster, items_o
 from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import from_mapping, plain_values
+from pgm_places.options.marks import Ge, Le
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.rules import TopologyOptions, stored_options

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pgm_places._arguments import public
 from pgm_places._checks import plain_names
-from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError, LabelError, OutputError, quoted
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.atomic import write_bytes, write_json, write_text
@@ -33,6 +32,7 @@ from pgm_places.io.places.result_folder import (
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
+from pgm_places.options.marks import Ge
 from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.geojson import gate_record

@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, marks_of, unannotated, union_members
+from pgm_places.options.marks import Ge, Gt, Le, Lt, MinLen, marks_of, unannotated, union_members
 
 NO = object()
 """Returned by a check for a value that its annotation does not accept."""

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pgm_places._argument_kinds import (
+from pgm_places._arguments.kinds import (
     CONVERTERS,
     LISTS,
     NO,
@@ -25,8 +25,8 @@ from pgm_places._argument_kinds import (
     is_array_part,
     kind_of_numbers,
 )
-from pgm_places._option_marks import describe_type, marks_of, unannotated, union_members
 from pgm_places.errors import InputError, OptionError, quoted
+from pgm_places.options.marks import describe_type, marks_of, unannotated, union_members
 
 _MADE_BY = {
     "EdgeList": "LabelGraph.from_edges takes node pairs",

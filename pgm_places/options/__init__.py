@@ -14,7 +14,9 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
-from pgm_places._option_marks import (
+from pgm_places.errors import ConfigError, InputError, nearest_name, quoted
+from pgm_places.errors import OptionError as OptionError
+from pgm_places.options.marks import (
     Ge,
     Gt,
     Le,
@@ -27,8 +29,6 @@ from pgm_places._option_marks import (
     unannotated,
     union_members,
 )
-from pgm_places.errors import ConfigError, InputError, nearest_name, quoted
-from pgm_places.errors import OptionError as OptionError
 
 AtLeastZero = Annotated[float, Ge(0)]
 AtLeastZeroOrInfinite = Annotated[float, Ge(0), OrInfinite()]
