@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError, MapError
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.maps.coarsening import (
     Coarsening,
     coarsen,
@@ -46,8 +46,7 @@ def test_cells_and_labels_are_those_of_the_reference(
 ) -> None:
     grid = random_grid(shape, seed)
     labels = np.random.default_rng(seed + 1).integers(-1, 3, shape).astype(np.int16)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", chunk)
+    with band_limit(chunk):
         coarse = coarsen(grid, float(factor) * 0.05, occupied_share=shares[0], free_share=shares[1])
         found = coarsen_labels(labels, grid, coarse)
     default = 1 / (factor if factor.denominator == 1 else 2 * factor)
@@ -206,8 +205,7 @@ def test_painted_values_are_those_of_the_reference(
         draws = np.random.default_rng(seed + 1).random(coarse.shape)
         coarse = coarse.with_cells(np.where(draws < free_share, 0, 100))
     values = np.random.default_rng(seed).normal(size=(*coarse.shape, 2))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", cells_at_once)
+    with band_limit(cells_at_once):
         painted = Coarsening(grid, coarse).paint(values, -9.0)
     expected = np.full((*shape, 2), -9.0)
     if coarse.free.any():

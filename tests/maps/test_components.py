@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.maps.components import connected_components
 from tests.reference.topology import flood_fill
 from tests.strategies import varied_arrays
@@ -42,8 +42,7 @@ def test_a_mask_is_one_label(connectivity: int, raster: np.ndarray) -> None:
 def test_values_of_pieces_are_written_to_their_cells(band_cells: int) -> None:
     found = connected_components(np.array([[0, 0, 1], [-1, 1, 1], [2, -1, -1]], np.int16))
     values = np.array([7, 5, 9], np.int32)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", band_cells)
+    with band_limit(band_cells):
         painted = found.on_cells(values.astype(np.int16), -3)
         assert painted.dtype == np.int16
         assert painted.tolist() == [[7, 7, 5], [-3, 5, 5], [9, -3, -3]]

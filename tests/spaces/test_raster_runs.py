@@ -1,11 +1,10 @@
 """Rasters as runs."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.spaces.doorways import RasterRuns
 from tests.strategies import varied_arrays
 
@@ -16,8 +15,7 @@ RASTERS = varied_arrays(
 
 @given(raster=RASTERS, cells_in_band=st.sampled_from([1, 10, 1000]))
 def test_the_raster_comes_back(raster: np.ndarray, cells_in_band: int) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", cells_in_band)
+    with band_limit(cells_in_band):
         found = RasterRuns.of(raster).raster()
     assert found.dtype == raster.dtype and np.array_equal(found, raster)
 

@@ -1,11 +1,10 @@
 """Borders between connected components, against loops."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.maps.components import connected_components
 from pgm_places.topology.regions import contacts
 from tests.strategies import varied_arrays
@@ -31,8 +30,7 @@ def test_borders_are_counted_side_by_side(raster: np.ndarray, band_cells: int) -
                 if a >= 0 and a != b:
                     counts = sides if dr * dc == 0 else corners
                     counts[a, b] = counts.get((a, b), 0) + 1
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", band_cells)
+    with band_limit(band_cells):
         found = contacts(pieces.piece, pieces.count)
     pairs = [(int(i), int(j)) for i, j in found.pairs]
     assert pairs == sorted({*sides, *corners})

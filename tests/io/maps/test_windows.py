@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import MapError
-from pgm_places.graph import bands
+from pgm_places.graph.bands import band_limit
 from pgm_places.io.maps.windows import window_mask
 
 
@@ -40,8 +40,7 @@ def test_metres_are_those_of_the_map_frame(
     low, high = min(limits), max(limits)
     expected = (centres >= low) & (centres < high)
     near = np.minimum(abs(centres - low), abs(centres - high)) < 1e-9
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bands, "BAND_CELLS", strip)
+    with band_limit(strip):
         try:
             pair = (low, high)
             mask = window_mask(turned, y_m=pair) if vertical else window_mask(turned, x_m=pair)
