@@ -1,7 +1,7 @@
-"""Run the paper's sections on real buildings: prints, or renews, the tables of results.md.
+"""Run the paper's sections on real buildings and print the tables of docs/results.md.
 
-The sections are those of ``python -m experiments.paper``; ``python -m experiments 7.5`` runs one.
-``--write-docs`` keeps what each section found in ``experiments/sections`` and renews docs/.
+For a report with pictures, run ``python -m experiments.paper``; its sections are the same.
+``--write-docs`` stores the results in ``experiments/sections`` and renews the tables in docs/.
 """
 
 import argparse

@@ -34,7 +34,7 @@ def comparison_table(comparison: "Comparison") -> str:
         if name in tables
     ]
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
-    note = "* significantly better; of a split, the highest; a-b: 95 % interval"
+    note = "* significantly better, or the highest of a split; ranges: 95 % intervals"
     n_seeds = len(comparison.seeds)
     note += f"; ±: standard deviation over {n_seeds} seeds" if n_seeds else ""
     parts.append(f"({note}; stages: {stages})")

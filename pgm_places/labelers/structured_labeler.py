@@ -49,7 +49,8 @@ class StructuredLabeler(Labeler):
     classifier : scikit-learn classifier or None
         Any classifier with ``predict_proba``. It is cloned and fitted on the problems' node
         features, dense or sparse (linear and naive Bayes classifiers support the latter), and its
-        log-probabilities become the unary. None uses the problems' unary.
+        log-probabilities become the unary. None leaves the problems as they are: methods use their
+        unary, and ``amn`` and ``crf`` also their features.
     learn_on : {"out-of-fold", "in-sample"}
         Unary that the backend is trained on: held-out scores, as for new problems, or the
         classifier's scores of its own training nodes, with few errors. On held-out scores, methods
