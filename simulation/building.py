@@ -12,16 +12,14 @@ from pgm_places._arguments import public
 from pgm_places._checks import require_at_least, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.simulation.corridor_layout import Wing, draw_wing, partition
 from pgm_places.simulation.distortion import shifted
 from pgm_places.simulation.floor_plan import FloorPlan, Rect
 from pgm_places.simulation.furniture import furnish, furnish_largely, hang_doors
-from pgm_places.simulation.kinds import KINDS, style_of_kind
-from pgm_places.simulation.layout import draw_layout
+from pgm_places.simulation.layout import Wing, draw_layout, draw_wing, partition
 from pgm_places.simulation.portable_random import Dice, MetreScale
 from pgm_places.simulation.room_placement import draw_floor
 from pgm_places.simulation.simulated_mapping import main_component, mapped_span, survey
-from pgm_places.simulation.style import OFFICE, Style, StyleName, draw_style
+from pgm_places.simulation.style import KINDS, OFFICE, Style, StyleName, draw_style, style_of_kind
 from pgm_places.unary.options import HallsAs
 
 LABEL_NAMES = ("corridor", "room", "doorway")
@@ -158,12 +156,12 @@ def generate_building(
     cells = survey(Dice(seed, 3, scale), plan, solid, glass, noise=slam_noise)
     if slam_noise:
         cells, labels = shifted(Dice(seed, 4), cells, labels)
-    kept = mapped_span(cells, scale.cells(_MARGIN_CM))
-    cells, labels = cells[kept], labels[kept]
+    span = mapped_span(cells, scale.cells(_MARGIN_CM))
+    cells, labels = cells[span], labels[span]
     labels[~main_component(cells == FREE)] = -1
     if split is None:
-        kept = mapped_span(cells.T, scale.cells(_MARGIN_CM))
-        cells, labels = cells[:, kept], labels[:, kept]
+        span = mapped_span(cells.T, scale.cells(_MARGIN_CM))
+        cells, labels = cells[:, span], labels[:, span]
         split = fair_split(labels)
     grid = OccupancyGrid(cells, scale.mm_per_cell / 1000)
     names = (*LABEL_NAMES, "hall") if halls == "hall" else LABEL_NAMES
@@ -272,8 +270,8 @@ def fair_split(labels: NDArray[np.int16]) -> int:
     Labels that nothing has do not count: a small building may have no corridor, and a survey may
     see no room.
     """
-    found = [np.flatnonzero((labels == k).any(axis=0)) for k in range(len(LABEL_NAMES))]
-    columns = [seen for seen in found if len(seen)]
+    of_label = [np.flatnonzero((labels == k).any(axis=0)) for k in range(len(LABEL_NAMES))]
+    columns = [some for some in of_label if len(some)]
     if not columns:
         return labels.shape[1] // 2
     first, last = max(c[0] for c in columns) + 1, min(c[-1] for c in columns)

@@ -36,13 +36,7 @@ def _parabola(dice: Dice, length: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Bend:
-    """A bent and rotated raster, as the source of each of its cells.
-
-    Parameters
-    ----------
-    rows, columns : (H, W) int64
-        The cell of the straight raster; -1 where it is none.
-    """
+    """A bent and rotated raster, as the source of each cell (H, W); -1 for none."""
 
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -57,19 +51,10 @@ class Bend:
 def pushed(
     dice: Dice, shape: tuple[int, int], *, knot: int, bend: float, turn_degrees: float
 ) -> Bend:
-    """A raster of that shape turned about its middle, its rows and columns wandering.
+    """A raster of a shape (rows, columns), turned about its middle and bent.
 
-    Parameters
-    ----------
-    dice : Dice
-    shape : (int, int)
-        Rows and columns of the straight raster.
-    knot : int
-        Number of cells after which the direction of the wander changes.
-    bend : float
-        Slopes are at most so steep: cells sideways for each cell ahead.
-    turn_degrees : float
-        From -45 to 45, counter-clockwise.
+    The shift of rows and columns changes its direction every ``knot`` cells, by at most ``bend``
+    cells for each cell ahead. ``turn_degrees`` is from -45 to 45, counter-clockwise.
     """
     height, width = shape
     # With t the tangent of half the angle, cos = (1 - t^2) / (1 + t^2) and sin = 2 t / (1 + t^2).

@@ -58,16 +58,9 @@ class Rect(NamedTuple):
 
 @dataclass(frozen=True)
 class Door:
-    """A gap in a wall.
+    """A gap in a wall: a door with a leaf, or a passage.
 
-    Parameters
-    ----------
-    gap : Rect
-        The cells of the wall that the door opens.
-    inward : (int, int)
-        The step (columns, rows) from the gap into the room that the door belongs to.
-    has_leaf : bool
-        Whether a leaf hangs in it; gaps without one are passages.
+    ``inward`` is the step (columns, rows) from the gap into the room that the door belongs to.
     """
 
     gap: Rect
@@ -145,7 +138,7 @@ class Frontage:
         return Rect(x + low, y + u0, x + high, y + u1)
 
     def extent(self, rect: Rect) -> tuple[int, int, int, int]:
-        """``u0, u1, v0, v1`` of a rectangle: what :meth:`rect` makes it of."""
+        """``u0, u1, v0, v1`` of a rectangle, the inverse of :meth:`rect`."""
         x, y = self.corner
         moved = rect.moved(-x, -y)
         along, across = (moved.x0, moved.x1), (moved.y0, moved.y1)
@@ -166,7 +159,7 @@ class Frontage:
 
 
 def sides(part: Rect) -> tuple[Frontage, ...]:
-    """The four sides of a rectangle, seen from inside; how deep it is beyond is not known yet."""
+    """The four sides of a rectangle, seen from inside, with depth 0."""
     columns, rows = part.size
     return (
         Frontage("x", (part.x0, part.y1), 1, columns, 0),

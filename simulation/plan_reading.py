@@ -26,12 +26,7 @@ _WIDEST_LEAF_CM = 130
 class ReadPlan:
     """The rooms, passages and doors of a labelled plan, in cells.
 
-    Parameters
-    ----------
-    rooms, passages : tuple of list of Rect
-        For each room, and for each corridor or hall, rectangles that cover most of it.
-    doors : list of Door
-        The doors between them.
+    Rectangles cover most of each room, and of each corridor or hall.
     """
 
     rooms: tuple[list[Rect], ...]
@@ -55,18 +50,10 @@ def read_plan(
     passages: Sequence[int],
     doorways: Sequence[int],
 ) -> ReadPlan:
-    """The rooms, corridors and doors of a plan; every other label is that of a kind of room.
+    """The rooms, passages and doors of a plan with ``labels`` (H, W), -1 for none.
 
-    Parameters
-    ----------
-    scale : MetreScale
-        The size of a cell.
-    labels : (H, W) int16
-        Label of each cell, -1 where there is none.
-    solid : (H, W) bool
-        Walls and all that is not free.
-    passages, doorways : sequence of int
-        The labels of corridors and halls, and of doorways.
+    ``solid`` (H, W) are the cells that are not free. ``passages`` and ``doorways`` are labels; all
+    other labels are kinds of rooms.
     """
     is_door = np.isin(labels, doorways)
     is_passage = np.isin(labels, passages)

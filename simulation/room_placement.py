@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.simulation.corridor_layout import partition
 from pgm_places.simulation.floor_plan import Door, FloorPlan, Frontage, Rect, row_of_rooms, sides
-from pgm_places.simulation.layout import Layout
+from pgm_places.simulation.layout import Layout, partition
 from pgm_places.simulation.portable_random import Dice, MetreScale
 from pgm_places.simulation.style import OFFICE, Style
 
@@ -77,17 +76,7 @@ def _in_cells(scale: MetreScale, part: Rect) -> Rect:
 
 
 class Site:
-    """The ground of a floor, and its occupied cells.
-
-    Parameters
-    ----------
-    scale : MetreScale
-        The size of a cell.
-    shape : (int, int)
-        Rows and columns.
-    growth_cm : int
-        Greatest enlargement of rooms.
-    """
+    """The ground of a floor and its occupied cells; rooms grow by at most ``growth_cm``."""
 
     def __init__(
         self, scale: MetreScale, shape: tuple[int, int], growth_cm: int = OFFICE.growth_cm
@@ -105,7 +94,7 @@ class Site:
         """Whether the cells beyond both ends of a wall are closed."""
         columns, rows = wall.size
         longer = wall.grown(1, 0) if columns > rows else wall.grown(0, 1)
-        beyond = self._seen(longer)
+        beyond = self._occupied(longer)
         ends = beyond[:, [0, -1]] if columns > rows else beyond[[0, -1]]
         return not ends.any()
 
@@ -160,18 +149,18 @@ class Site:
 
     def _first_taken(self, side: Frontage, margin: int, depth: int) -> NDArray[np.int64]:
         """(length + 2 margin,) distance of the first occupied cell along a side and its margins."""
-        strip = self._seen(side.rect(-margin, side.length + margin, 0, depth))
+        strip = self._occupied(side.rect(-margin, side.length + margin, 0, depth))
         strip = strip if side.along == "x" else strip.T
         strip = strip if side.side > 0 else strip[::-1]
         return np.where(strip.any(axis=0), strip.argmax(axis=0), depth)
 
-    def _seen(self, part: Rect) -> NDArray[np.bool_]:
+    def _occupied(self, part: Rect) -> NDArray[np.bool_]:
         """(rows, columns) occupied cells in a rectangle; cells off the site count as occupied."""
-        seen = np.ones(part.size[::-1], bool)
+        occupied = np.ones(part.size[::-1], bool)
         inside = part.within(self._taken.shape)
         if min(inside.size) > 0:
-            seen[inside.moved(-part.x0, -part.y0).slices] = self._taken[inside.slices]
-        return seen
+            occupied[inside.moved(-part.x0, -part.y0).slices] = self._taken[inside.slices]
+        return occupied
 
 
 def _large_room(dice: Dice, style: Style, room: Rect, corridor: Rect) -> FloorPlan:
@@ -212,15 +201,15 @@ def _pilasters(dice: Dice, corridor: Rect, plan: FloorPlan) -> list[Rect]:
     deep = min(dice.length(12, 45), (wide - dice.cells(120)) // 2)
     clear = dice.cells(25)
     ways = [part for part in plan.corridors + plan.halls if part != corridor]
-    found = []
+    blocks = []
     for start in range(dice.integer(0, pitch), long - length, pitch):
         for low, high in ((0, deep), (wide - deep, wide)):
             block = side.rect(start, start + length, low, max(low, high))
             around = block.grown(clear, clear)
             taken = any(around.overlaps(door.gap) for door in plan.doors)
             if deep > 0 and not taken and not any(around.overlaps(way) for way in ways):
-                found.append(block)
-    return found
+                blocks.append(block)
+    return blocks
 
 
 def _add_inner_rooms(dice: Dice, style: Style, frontage: Frontage, row: FloorPlan) -> None:

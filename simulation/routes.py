@@ -31,18 +31,12 @@ _NEAR_CM = 60
 
 @dataclass(frozen=True, eq=False)
 class Routes:
-    """The positions of the robot's scans.
-
-    Parameters
-    ----------
-    stations : (S, 2) int64
-        Columns and rows, in the order of the drive, one route after another.
-    route : (S,) int64
-        Route of each station.
-    """
+    """The positions of the robot's scans, in the order of the drive, one route after another."""
 
     stations: NDArray[np.int64]
+    """(S, 2) columns and rows."""
     route: NDArray[np.int64]
+    """(S,) route of each station."""
 
 
 def draw_routes(
@@ -54,21 +48,10 @@ def draw_routes(
     n_routes: int,
     coverage: float,
 ) -> Routes:
-    """Routes that start in a corridor and visit the given rooms and passages.
+    """Routes from a corridor through rooms and passages, among the obstacles ``solid`` (H, W).
 
-    Parameters
-    ----------
-    dice : Dice
-    scale : MetreScale
-        The size of a cell.
-    solid : (H, W) bool
-        Obstacles of the robot.
-    rooms, passages : list of list of Rect
-        The rectangles of each room to enter and of each corridor and hall.
-    n_routes : int
-        Number of routes among which the places are divided; routes overlap in the corridors.
-    coverage : float
-        The share of the places to visit; the farthest from the start are left out.
+    The places, as the rectangles of each, are divided among ``n_routes``, which overlap in the
+    corridors. ``coverage`` is the share of places to visit, the nearest to the start.
     """
     stride = max(1, dice.cells(_PLANNING_CM))
     drivable = np.ascontiguousarray(~crowded(dice.scale, solid)[::stride, ::stride])
@@ -127,7 +110,7 @@ def _stops(
     stride: int,
 ) -> NDArray[np.int64]:
     """Flat indices in ``ground`` of the cells to visit in some places, a grid in each rectangle."""
-    near, found = max(1, scale.cells(_NEAR_CM) // stride), set()
+    near, stops = max(1, scale.cells(_NEAR_CM) // stride), set()
     for rect in (rect for place in places for rect in place):
         edge = min(min(rect.size) // 2, scale.cells(pitch_cm) // 2)
         for x, y in grid_in(rect, scale.cells(pitch_cm), edge):
@@ -137,8 +120,8 @@ def _stops(
             if len(rows):
                 off = np.abs(rows + top - row) + np.abs(columns + left - column)
                 best = int(off.argmin())
-                found.add(int((rows[best] + top) * ground.shape[1] + columns[best] + left))
-    return np.array(sorted(found), np.int64)
+                stops.add(int((rows[best] + top) * ground.shape[1] + columns[best] + left))
+    return np.array(sorted(stops), np.int64)
 
 
 def _drive(

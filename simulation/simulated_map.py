@@ -14,9 +14,15 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGri
 from pgm_places.simulation.distortion import pushed
 from pgm_places.simulation.floor_plan import FloorPlan, Rect, sides, windows
 from pgm_places.simulation.furniture import FULL, furnish, furnish_largely, hang_doors
-from pgm_places.simulation.glass import BEYOND_CM, fronts, open_ground, windows_out
-from pgm_places.simulation.incomplete_mapping import close_doors, forget_glimpses
 from pgm_places.simulation.map_simulation import MapSimulation
+from pgm_places.simulation.mapping_effects import (
+    BEYOND_CM,
+    close_doors,
+    forget_glimpses,
+    fronts,
+    open_ground,
+    windows_out,
+)
 from pgm_places.simulation.plan_reading import ReadPlan, read_plan
 from pgm_places.simulation.portable_random import Dice, MetreScale
 from pgm_places.simulation.routes import Routes, draw_routes
@@ -111,17 +117,17 @@ def simulate_map(
         read = replace(read, doors=doors)
     _furnish(Dice(seed, 21, scale), read, solid, options)
     _furnish_largely(Dice(seed, 26, scale), read, solid, options)
-    found = _survey(seed, scale, read, solid, seen_through, options)
+    mapped_cells = _survey(seed, scale, read, solid, seen_through, options)
     if options.least_seen > 0:
-        forget_glimpses(labels, found, is_room, is_doorway, options.least_seen)
-    _add_specks(Dice(seed, 23), found, options)
-    found, labels = _bent(Dice(seed, 24, scale), found, labels, options)
-    labels[~main_component(found == FREE)] = -1
+        forget_glimpses(labels, mapped_cells, is_room, is_doorway, options.least_seen)
+    _add_specks(Dice(seed, 23), mapped_cells, options)
+    mapped_cells, labels = _bent(Dice(seed, 24, scale), mapped_cells, labels, options)
+    labels[~main_component(mapped_cells == FREE)] = -1
     margin = scale.cells(_MARGIN_CM)
-    kept = mapped_span(found, margin), mapped_span(found.T, margin)
+    span = mapped_span(mapped_cells, margin), mapped_span(mapped_cells.T, margin)
     return LabelledMap(
-        OccupancyGrid(found[kept], resolution_m),
-        labels[kept],
+        OccupancyGrid(mapped_cells[span], resolution_m),
+        labels[span],
         name=f"{plan.name} (simulated {seed})",
         building=plan.building or plan.name,
     )

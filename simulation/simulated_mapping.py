@@ -42,24 +42,16 @@ _REACH_CM = 1400
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """The stations of a robot's scans, with pose and range errors.
-
-    Parameters
-    ----------
-    stations : (S, 2) int64
-        Columns and rows where the laser is.
-    offsets : (S, 2) int64
-        Error of each pose in columns and rows.
-    through : (S * R,) int64
-        Steps that each ray continues behind a pane; 0 if it stops there.
-    late : (S * R,) int64
-        Steps by which the end of each ray is reported too far.
-    """
+    """The stations of a robot's scans, with pose and range errors, in cells."""
 
     stations: NDArray[np.int64]
+    """(S, 2) columns and rows of the laser."""
     offsets: NDArray[np.int64]
+    """(S, 2) error of each pose."""
     through: NDArray[np.int64]
+    """(S * R,) steps that each ray continues behind a pane; 0 if it stops there."""
     late: NDArray[np.int64]
+    """(S * R,) steps by which the end of each ray is reported too far."""
 
 
 def survey(
@@ -116,17 +108,17 @@ def mapped(
 
 def _stations(scale: MetreScale, plan: FloorPlan, solid: NDArray[np.bool_]) -> NDArray[np.int64]:
     """(S, 2) columns and rows where the robot stops: a grid in every room, a line in corridors."""
-    found = []
+    stops = []
     for room in plan.rooms:
-        found += grid_in(room, scale.cells(170), scale.cells(60))
+        stops += grid_in(room, scale.cells(170), scale.cells(60))
     for corridor in plan.corridors:
-        found += grid_in(corridor, scale.cells(110), min(corridor.size) // 2)
+        stops += grid_in(corridor, scale.cells(110), min(corridor.size) // 2)
     for hall in plan.halls:
-        found += grid_in(hall, scale.cells(170), scale.cells(60))
-    found += [
+        stops += grid_in(hall, scale.cells(170), scale.cells(60))
+    stops += [
         ((door.gap.x0 + door.gap.x1) // 2, (door.gap.y0 + door.gap.y1) // 2) for door in plan.doors
     ]
-    stations = np.array(found, np.int64).reshape(-1, 2)
+    stations = np.array(stops, np.int64).reshape(-1, 2)
     return stations[~crowded(scale, solid)[stations[:, 1], stations[:, 0]]]
 
 

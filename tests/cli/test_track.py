@@ -5,6 +5,7 @@ import io
 import json
 import sys
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -210,20 +211,27 @@ def objects_along(path: Trajectory) -> NDArray[np.int64]:
     return found
 
 
-@pytest.fixture
-def seeing(folder: Path) -> Path:
-    """Besides those, a model that learned with counts of objects, and the counts of the log."""
-    learned, names = [drive(1), drive(2)], ("monitor", "person")
+OBJECTS = ("monitor", "person")
+
+
+@cache
+def seeing_labeler() -> TrajectoryLabeler:
+    learned = [drive(1), drive(2)]
     labeler = TrajectoryLabeler(
         made_building()[1],
         classifier=DecisionListClassifier(n_rounds=5, order="rarest-first"),
         n_folds=2,
-        extra_names=names,
+        extra_names=OBJECTS,
     )
-    labeler.fit(trajectories=learned, extra=[objects_along(path) for path in learned])
-    save(labeler, folder / "seeing")
+    return labeler.fit(trajectories=learned, extra=[objects_along(path) for path in learned])
+
+
+@pytest.fixture
+def seeing(folder: Path) -> Path:
+    """Besides those, a model that learned with counts of objects, and the counts of the log."""
+    save(seeing_labeler(), folder / "seeing")
     path = drive(1)[:60]
-    counts = ObjectCounts(path.times_s, objects_along(path), names)
+    counts = ObjectCounts(path.times_s, objects_along(path), OBJECTS)
     write_counts(folder / "counts.csv", counts)
     return folder
 

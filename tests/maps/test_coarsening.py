@@ -214,23 +214,6 @@ def test_painted_values_are_those_of_the_reference(
     assert np.array_equal(painted, expected)
 
 
-@given(shape=shapes, factor=st.sampled_from(FACTORS), seed=st.integers(0, 1000))
-def test_every_free_cell_gets_a_label_and_probabilities_that_go_with_it(
-    shape: tuple[int, int], factor: Fraction, seed: int
-) -> None:
-    grid = random_grid(shape, seed)
-    coarse = coarsen(grid, float(factor) * grid.resolution_m)
-    beliefs = np.random.default_rng(seed).dirichlet(np.ones(3), coarse.shape)
-    pair = Coarsening(grid, coarse)
-    labels = pair.paint(np.where(coarse.free, beliefs.argmax(axis=2), -1), -1)
-    probabilities = np.stack([pair.paint(beliefs[:, :, k], 0.0) for k in range(3)], axis=2)
-    labelled = grid.free if coarse.free.any() else np.zeros(shape, np.bool_)
-    assert ((labels >= 0) == labelled).all()
-    assert probabilities[~labelled].sum() == 0
-    np.testing.assert_allclose(probabilities[labelled].sum(axis=1), 1, rtol=0, atol=1e-12)
-    assert (probabilities[labelled].argmax(axis=1) == labels[labelled]).all()
-
-
 def test_values_do_not_leak_through_a_wall() -> None:
     cells = np.zeros((6, 9), np.int8)
     cells[:, 4] = 100  # in the middle of the second column of blocks, which is occupied throughout

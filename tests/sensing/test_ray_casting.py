@@ -32,14 +32,6 @@ def assert_same_ranges(got: NDArray[Any], expected: NDArray[Any], resolution_m: 
     np.testing.assert_allclose(got, expected, rtol=1e-6, atol=MILLICELL * resolution_m)
 
 
-@pytest.mark.parametrize("n_beams", [3, 7, 8, 36, 61, 360])
-@pytest.mark.parametrize("occupied", [0.0, 0.02, 0.2, 0.6])
-def test_ranges_are_those_of_following_each_ray(n_beams: int, occupied: float) -> None:
-    grid = random_grid(n_beams, (13, 17), occupied=occupied)
-    got = cast_cells(grid, Sensor(n_beams=n_beams, max_range_m=100.0))
-    assert_same_ranges(got, reference.cast_cells(grid, n_beams), 1.0)
-
-
 @given(
     height=st.integers(1, 9),
     width=st.integers(1, 9),

@@ -9,11 +9,10 @@ from scipy import ndimage
 
 from pgm_places.simulation import STYLES, LabelledBuilding, generate_building
 from pgm_places.simulation.floor_plan import Frontage, Rect
-from pgm_places.simulation.kinds import KINDS, style_of_kind
 from pgm_places.simulation.layout import LAYOUTS, draw_layout
 from pgm_places.simulation.portable_random import Dice, MetreScale
 from pgm_places.simulation.room_placement import Site, draw_floor
-from pgm_places.simulation.style import StyleName
+from pgm_places.simulation.style import KINDS, StyleName, style_of_kind
 from pgm_places.unary.options import HallsAs
 from tests.simulation.test_building import digest
 

@@ -10,8 +10,13 @@ from pgm_places import LabelledMap
 from pgm_places.simulation import MapSimulation, generate_building, simulate_map
 from pgm_places.simulation.floor_plan import Door, FloorPlan, Rect
 from pgm_places.simulation.furniture import furnish_largely
-from pgm_places.simulation.glass import fronts, open_ground, windows_out
-from pgm_places.simulation.incomplete_mapping import close_doors, forget_glimpses
+from pgm_places.simulation.mapping_effects import (
+    close_doors,
+    forget_glimpses,
+    fronts,
+    open_ground,
+    windows_out,
+)
 from pgm_places.simulation.portable_random import Dice, MetreScale
 from pgm_places.simulation.routes import draw_routes
 from tests.simulation.test_building import digest
