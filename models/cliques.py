@@ -5,6 +5,8 @@ best k: the reward falls linearly with d, to 0 at a share ``dissent`` of the nod
 :mod:`pgm_places.solvers.set_terms` makes this pairwise.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -157,7 +159,7 @@ def _beliefs(
     method: str,
     sets: SetNodes,
     rewards: NDArray[np.float64],
-    model: "PairwiseModel",
+    model: PairwiseModel,
     task: DecodingTask,
 ) -> DecodingAnswer:
     """Beliefs of a pairwise model with sets, computed without auxiliary nodes."""

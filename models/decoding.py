@@ -1,5 +1,7 @@
 """Decoding by name: from a graph with potentials to a labelling with score, bound and status."""
 
+from __future__ import annotations
+
 import contextlib
 import time
 from collections.abc import Callable, Iterator

@@ -5,6 +5,8 @@ subgradient of the hinge loss is the difference of two labellings. Both are valu
 a framework with automatic differentiation wraps them in about twenty lines.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

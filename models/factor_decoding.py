@@ -1,5 +1,7 @@
 """Decoding factor graphs by name: directly, or as a pairwise model with auxiliary nodes."""
 
+from __future__ import annotations
+
 import time
 from typing import Any
 

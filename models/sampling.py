@@ -1,5 +1,7 @@
 """Random labellings from a model: exact on forests, perturb-and-MAP elsewhere."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

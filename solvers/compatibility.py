@@ -1,5 +1,7 @@
 """Compatibility of labels at neighbouring nodes, from counts of adjacent labels."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,5 +1,7 @@
 """Dual variables of MAP decoding: reparametrisation of the potentials, and the upper bound."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,5 +1,7 @@
 """The pairwise model: checked unary and pairwise log-potentials on a graph."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

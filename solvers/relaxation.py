@@ -6,6 +6,8 @@ The update of every node (paper eq. 4 and 5)::
     p_i(l) <- p_i(l) (1 + q_i(l)) / sum_m p_i(m) (1 + q_i(m))
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -11,6 +11,8 @@ distance in place of durations counted in steps. Time grows with the number of s
 edge of the rates, memory only with the number of steps.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple
 

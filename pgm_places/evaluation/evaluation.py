@@ -1,5 +1,7 @@
 """Evaluation of a labelling: confusion matrices, metrics and reliability."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -187,7 +189,7 @@ class Evaluation:
         set_frozen(self, label_names=names, confusion=counts)
 
     @classmethod
-    def merged(cls, evaluations: Sequence["Evaluation"]) -> Self:
+    def merged(cls, evaluations: Sequence[Evaluation]) -> Self:
         """One evaluation of several maps together, with equal weight for every node.
 
         The result has a reliability if all have one with the same number of bins.

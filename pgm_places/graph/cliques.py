@@ -1,5 +1,7 @@
 """Cliques: sets of nodes that tend to share a label, such as superpixels or rooms."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -74,7 +76,7 @@ class Cliques:
         of_set = np.repeat(np.arange(len(self.sizes)), self.sizes)
         return frozen_copy(np.stack([self.members, of_set], axis=1))
 
-    def among(self, keep: NDArray[np.bool_]) -> "Cliques":
+    def among(self, keep: NDArray[np.bool_]) -> Cliques:
         """The sets restricted to the nodes of a mask (N,); empty sets are dropped."""
         number = np.cumsum(keep) - 1
         inside = keep[self.members]
@@ -88,7 +90,7 @@ class Cliques:
         return np.bincount(of_set, minlength=len(self.sizes)).astype(np.int64, copy=False)
 
     @staticmethod
-    def beside(parts: Sequence["Cliques"], starts: ArrayLike) -> "Cliques":
+    def beside(parts: Sequence[Cliques], starts: ArrayLike) -> Cliques:
         """The sets of several graphs in their union; ``starts`` are the graphs' first nodes."""
         begin = np.asarray(starts, np.int64)
         members = [cliques.members + first for cliques, first in zip(parts, begin, strict=True)]

@@ -1,5 +1,7 @@
 """LabelGraph: a graph over grid cells, trajectory steps, or any nodes to label."""
 
+from __future__ import annotations
+
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -219,7 +221,7 @@ class LabelGraph:
     @classmethod
     def from_networkx(
         cls,
-        graph: "nx.Graph[Any]",
+        graph: nx.Graph[Any],
         *,
         nodelist: Iterable[Hashable] | None = None,
         position: str | None = "pos",
@@ -240,7 +242,7 @@ class LabelGraph:
         return replace(cls.from_edges(len(names), pairs, positions_m=positions), node_names=names)
 
     @classmethod
-    def joined(cls, first: "LabelGraph", second: "LabelGraph", links: ArrayLike) -> Self:
+    def joined(cls, first: LabelGraph, second: LabelGraph, links: ArrayLike) -> Self:
         """The union of two graphs, with the second's nodes renumbered from ``first.n_nodes``.
 
         ``links`` (L, 2) are pairs of a node of the first and a node of the second, by their numbers
@@ -267,7 +269,7 @@ class LabelGraph:
 
     # ------------------------------------------------------------------ conversions
 
-    def to_networkx(self) -> "nx.Graph[Any]":
+    def to_networkx(self) -> nx.Graph[Any]:
         """The graph as a networkx graph, with ``pos`` and ``kind`` attributes if known."""
         return to_networkx(self._names, self.edges, self.positions_m, self.edge_kind)
 
@@ -316,7 +318,7 @@ class LabelGraph:
             self.edges, edge_list.checked_pairs(pairs, self.n_nodes, "pairs")
         )
 
-    def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
+    def subgraph(self, nodes: ArrayLike) -> LabelGraph:
         """The subgraph of the nodes of a mask (N,), renumbered in order.
 
         A grid's layout is restricted to the cells, a trajectory's is dropped. Cliques are

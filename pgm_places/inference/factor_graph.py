@@ -1,5 +1,7 @@
 """FactorGraph: factors of any order over nodes with different numbers of labels."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -76,7 +78,23 @@ class FactorGraph:
     def of(
         cls, n_labels: ArrayLike, scopes: Sequence[Sequence[int]], tables: Sequence[ArrayLike]
     ) -> Self:
-        """From lists."""
+        """The model of F factors, from lists.
+
+        Parameters
+        ----------
+        n_labels : (N,) int
+            Number of labels of each node.
+        scopes : sequence of F sequences of int
+            The nodes of each factor.
+        tables : sequence of F arrays
+            Log-potentials of each factor, an axis for each node of its scope.
+
+        Raises
+        ------
+        InputError
+            A table does not fit its scope, or a scope names a node twice or one that does not
+            exist.
+        """
         all_scopes = tuple(tuple(scope) for scope in scopes)
         return cls(np.asarray(n_labels), all_scopes, tuple(map(np.asarray, tables)))
 
@@ -109,7 +127,7 @@ class FactorGraph:
         of = f"{len(self.scopes)} factors of up to {self.order}"
         return f"FactorGraph({self.n_nodes} nodes, {of})"
 
-    def with_known(self, known: ArrayLike) -> "FactorGraph":
+    def with_known(self, known: ArrayLike) -> FactorGraph:
         """A copy in which known labels (N,), -1 elsewhere, exclude all other labels."""
         labels = integer_array("known", known, (self.n_nodes,), low=-1, high=2**31)
         nodes = np.flatnonzero(labels >= 0)

@@ -1,5 +1,7 @@
 """Labeling: the result of a method, with labels, beliefs, score, bound, and status."""
 
+from __future__ import annotations
+
 import dataclasses
 import html
 from collections.abc import Mapping, Sequence
@@ -150,11 +152,11 @@ class Labeling:
     def plot_beliefs(
         self,
         label_names: Sequence[str],
-        ax: "Axes | None" = None,
+        ax: Axes | None = None,
         *,
         along: ArrayLike | None = None,
         xlabel: str = "step",
-    ) -> "Axes":
+    ) -> Axes:
         """Draw the beliefs of a chain's nodes, stacked, in the colours of the labels.
 
         Parameters
@@ -189,7 +191,7 @@ class Labeling:
         )
         return ax
 
-    def plot_convergence(self, ax: "Axes | None" = None) -> "Axes":
+    def plot_convergence(self, ax: Axes | None = None) -> Axes:
         """Draw the method's progress by iteration: score, bound, support or largest change.
 
         Without axes, new ones are made. InputError if the method reports no history.
@@ -210,7 +212,7 @@ class Labeling:
         plotting.draw_curves(ax, curves, "iteration", " and ".join(curves))
         return ax
 
-    def part(self, nodes: NDArray[np.int64] | slice) -> "Labeling":
+    def part(self, nodes: NDArray[np.int64] | slice) -> Labeling:
         """The labels and beliefs of some nodes, by number or slice; score and bound stay."""
         try:
             self.labels[nodes]

@@ -3,6 +3,8 @@
 One sign everywhere: larger is better, the score is maximised.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 from typing import Any, Literal, Self
 
@@ -183,7 +185,7 @@ class Potentials:
         costs = np.minimum(steps[..., np.newaxis, np.newaxis] * apart**power, most[..., None, None])
         return cls(table, pairwise=-costs + 0.0)  # no negative zeros
 
-    def with_known(self, known: ArrayLike) -> "Potentials":
+    def with_known(self, known: ArrayLike) -> Potentials:
         """The same with all other labels forbidden where a label is known: (N,) int, else -1."""
         labels = _checks.integer_array("known", known, (self.n_nodes,), low=-1, high=self.n_labels)
         return Potentials(keep_known(self.unary, labels), self.pairwise, self.agreement)

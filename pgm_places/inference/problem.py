@@ -1,5 +1,7 @@
 """A labelling problem: a graph, the label names, and the evidence about each node."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self

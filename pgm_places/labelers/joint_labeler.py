@@ -1,5 +1,7 @@
 """JointLabeler: labels a map together with a drive through it, as one graph."""
 
+from __future__ import annotations
+
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,7 @@
 """PlaceLabeler: learns from labelled maps and labels other maps."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
@@ -123,7 +125,7 @@ class PlaceLabeler(Labeler):
     label_names: Sequence[str]
     methods: Mapping[str, Any] | Sequence[str] = ("independent",)
     sensor: Sensor = SENSOR
-    classifier: "DecisionListClassifier | None" = None
+    classifier: DecisionListClassifier | None = None
     connectivity: Connectivity = 8
     context_m: options.WindowsM = options.ContextOptions().half_widths_m
     space: options.SpaceOptions | None = SPACE
@@ -142,7 +144,7 @@ class PlaceLabeler(Labeler):
     methods_: dict[str, PlaceMethod] = field(init=False)
     learn_seconds_: dict[str, float] = field(init=False)
     resolution_m_: float = field(init=False)
-    movement_: "HiddenMarkovModel | None" = field(init=False)
+    movement_: HiddenMarkovModel | None = field(init=False)
     unary_choice_: UnaryChoice | None = field(init=False)
 
     stored_as: ClassVar[str] = "place-labeler"
@@ -192,7 +194,7 @@ class PlaceLabeler(Labeler):
         *,
         with_scores: bool = False,
         feature_cache: FeatureTables | None = None,
-    ) -> "LearnedUnary":
+    ) -> LearnedUnary:
         """:meth:`fit` the labeler, and return the unary model for further training.
 
         ``with_scores`` includes held-out scores of the labelled cells, in the order of

@@ -1,5 +1,7 @@
 """StructuredLabeler: any scikit-learn classifier with any backend, for user-defined problems."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self

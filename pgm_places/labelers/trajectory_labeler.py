@@ -1,5 +1,7 @@
 """TrajectoryLabeler: labels the places along a trajectory, offline or online."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
@@ -119,7 +121,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
     every_m: AtLeastZero | Literal["auto"] = "auto"
     beams: BeamOptions = BEAMS
     sensor: Sensor = SENSOR
-    classifier: "DecisionListClassifier | None" = None
+    classifier: DecisionListClassifier | None = None
     n_folds: NumberOfFolds = 5
     n_runs: Whole = N_RUNS
     seed: Seed = 0

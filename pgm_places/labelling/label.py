@@ -1,5 +1,7 @@
 """Labelling a map, or a map and a drive through it, at the map's original resolution."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -146,7 +148,7 @@ class ScoredMap:
     hall: NDArray[np.float32] | None
     scores: tuple[LabelGraph, CellScores] | None = None
 
-    def by(self, method: str) -> "ScoredMap":
+    def by(self, method: str) -> ScoredMap:
         """The problem of another method, from the cached scores."""
         assert self.scores is not None  # because of keep_scores
         model = replace(self.model, method=method)

@@ -1,5 +1,7 @@
 """The occupancy grid: free, occupied and unknown cells, with resolution, origin and yaw."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -154,7 +156,7 @@ class OccupancyGrid(Plotted):
         """The position of the raster in the map frame."""
         return plotting.Frame(self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Draw walls, unknown and free cells, in metres of the map frame.
 
         Parameters

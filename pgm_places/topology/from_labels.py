@@ -1,5 +1,7 @@
 """A topological map from the labels of a map's cells."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """A laser scan: the directions of its beams, their maximum range, and their readings."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, pi
@@ -148,7 +150,7 @@ class ScanGeometry:
             return False
         return bool(self._gaps.max() <= _GAP_OF_A_FULL_CIRCLE * np.median(self._gaps))
 
-    def same_as(self, other: "ScanGeometry") -> bool:
+    def same_as(self, other: ScanGeometry) -> bool:
         """Whether both have the same beams, to a hundredth of a degree, and the same limits."""
         return (
             self.n_beams == other.n_beams

@@ -1,5 +1,7 @@
 """A similarity transform of the plane, from one coordinate frame to another."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import isfinite
 from typing import Self

@@ -1,5 +1,7 @@
 """A robot's trajectory: times, poses, scans and places."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -342,7 +344,7 @@ class Trajectory(Plotted):
         geometry = replace(self.geometry, range_max_m=range_max_m)
         return self.with_scans(np.minimum(self.ranges_m, np.float32(range_max_m)), geometry)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the path in metres of its frame, its steps in the colours of their labels.
 
         Over a map, ``trajectory.plot(grid.plot())``.

@@ -1,5 +1,7 @@
 """Label images: ground truth or results on the map image's own raster, with a names file."""
 
+from __future__ import annotations
+
 import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
@@ -62,7 +64,7 @@ class Orientation:
     is_doubtful: bool = False
 
     @classmethod
-    def of(cls, labelled: NDArray[np.bool_], free: NDArray[np.bool_]) -> "Orientation":
+    def of(cls, labelled: NDArray[np.bool_], free: NDArray[np.bool_]) -> Orientation:
         """From masks (H, W) of the labelled cells (at least one) and the free cells."""
         n_labelled = int(np.count_nonzero(labelled))
         n_on_free = int(np.count_nonzero(labelled & free))
