@@ -75,7 +75,9 @@ def negative_log_likelihood(
     expected: NDArray[np.float64] | None = None,
     node_weight: NDArray[np.float64] | None = None,
 ) -> tuple[float, NDArray[np.float64]]:
-    """L at some weights, and its gradient.
+    """The negative log-likelihood ``L(w)`` of the labels, or a surrogate of it, with gradient.
+
+    The module's text has the formulas and their sources.
 
     Parameters
     ----------
@@ -83,11 +85,17 @@ def negative_log_likelihood(
     labels : (N,) int
         The true label of each node, -1 where it is unknown.
     weights : (n_weights,) float
+        w.
     kind : {"likelihood", "pseudo-likelihood", "piecewise"}
     expected : (N, K) float, optional
         For ``pseudo-likelihood``: probabilities of the unknown labels, uniform by default.
     node_weight : (N,) float, optional
         Weight of each node.
+
+    Returns
+    -------
+    value : float
+    gradient : (n_weights,) float
 
     Raises
     ------

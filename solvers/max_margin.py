@@ -369,7 +369,23 @@ def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArra
 
 
 def hinge(problem: MarginProblem, weights: NDArray[np.float64], augmented_maximum: float) -> float:
-    """H(w), given the maximum of score plus loss; an upper bound of H from an upper bound."""
+    """The mean hinge ``H(w) = 1/N (max_y [s_w(y) + loss(y)] - s_w(t))``, t the true labels.
+
+    Parameters
+    ----------
+    problem : MaxMarginProblem or TableMarginProblem
+        N nodes.
+    weights : (n_weights,) float
+        w.
+    augmented_maximum : float
+        ``max_y [s_w(y) + loss(y)]``; an upper bound of it gives an upper bound of H, the score of
+        any labelling a lower bound.
+
+    Notes
+    -----
+    Margin rescaling: I. Tsochantaridis, T. Joachims, T. Hofmann, Y. Altun, "Large margin methods
+    for structured and interdependent output variables" (JMLR 2005).
+    """
     truth = float(problem.truth_features @ weights)
     return max(augmented_maximum - truth, 0.0) / problem.n_nodes
 

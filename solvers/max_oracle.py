@@ -85,6 +85,17 @@ def certify_weights(
         Stop when a tighter bound could change the objective by no more than this share of it.
     max_iterations : int
         Passes of TRW-S after which to stop.
+
+    Returns
+    -------
+    Certificate
+        No smaller than ``f(weights)``; the learned weights are within ``objective`` minus a lower
+        bound of f's minimum of the optimum.
+
+    Notes
+    -----
+    V. Kolmogorov, "Convergent tree-reweighted message passing for energy minimization" (PAMI 2006),
+    on the loss-augmented potentials.
     """
     unary, agreement = problem.augmented_potentials(weights)
     model = pairwise_model(unary, problem.whole_edges, agreement)

@@ -51,6 +51,16 @@ def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> Pa
     max_iterations : int
         Steps of the search for the smallest upper bound, each two passes over every forest.
 
+    Returns
+    -------
+    PartitionBounds
+        From below by mean field, from above by a convex combination of forests.
+
+    Notes
+    -----
+    M. Wainwright, T. Jaakkola, A. Willsky, "A new class of upper bounds on the log partition
+    function" (IEEE Transactions on Information Theory 2005).
+
     Examples
     --------
     >>> square = [(0, 1), (1, 2), (2, 3), (0, 3)]

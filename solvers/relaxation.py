@@ -130,6 +130,9 @@ def relax_graph(
 ) -> Relaxed:
     """Relaxed beliefs on any graph, in double precision; the same bits for any thread count.
 
+    Each iteration computes the support ``q_i(l) = sum_j c_ij sum_m r[l, m] p_j(m)`` (paper eq. 5)
+    and multiplies every belief ``p_i(l)`` by ``1 + q_i(l)``, normalised (eq. 4).
+
     Parameters
     ----------
     unary : (N, K) float
@@ -146,6 +149,16 @@ def relax_graph(
         See :class:`pgm_places.models.relaxation.Relaxation`; 0 iterations leave the start.
     on_iteration : callable, optional
         See :data:`OnIteration`.
+
+    Returns
+    -------
+    Relaxed
+        ``beliefs`` (N, K), and their changes per iteration.
+
+    Notes
+    -----
+    A. Rosenfeld, R. Hummel, S. Zucker, "Scene labeling by relaxation operations" (IEEE Transactions
+    on Systems, Man, and Cybernetics 1976).
     """
     check_iteration_limits(max_iterations, tolerance, damping, fewest=0)
     beliefs = starting_beliefs(unary, floor=floor)

@@ -184,6 +184,11 @@ class SemiMarkovChain:
         log_likelihood : (T, K) float
             ``log P(z_t | l)``; -inf forbids a label.
 
+        Returns
+        -------
+        ChainBeliefs
+            ``beliefs`` (T, K), the log-probability of all observations, and impossible steps.
+
         Raises
         ------
         InputError
@@ -192,11 +197,16 @@ class SemiMarkovChain:
         return self._explained(moved_m, log_likelihood, smooth=False)
 
     def smoothed(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
-        """Beliefs from the observations of all steps; arguments as of :meth:`filtered`."""
+        """Beliefs from the observations of all steps; arguments and result of :meth:`filtered`."""
         return self._explained(moved_m, log_likelihood, smooth=True)
 
     def viterbi(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainPath:
-        """The labels with the largest joint probability; arguments as of :meth:`filtered`."""
+        """The labels (T,) of largest joint probability, and its logarithm.
+
+        Arguments are those of :meth:`filtered`. A stay of label l, ``a`` metres long at its last
+        step and ``b`` at the first step of the next stay, has the probability ``S_l(a) - S_l(b)``;
+        the last stay has ``S_l(a)``.
+        """
         states, observed = self._checked(moved_m, log_likelihood)
         n_steps, n_labels = observed.shape
         labels, impossible = np.zeros(n_steps, np.int64), np.zeros(n_steps, np.bool_)

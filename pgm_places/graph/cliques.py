@@ -35,7 +35,20 @@ class Cliques:
 
     @classmethod
     def of(cls, sets: Iterable[ArrayLike], n_nodes: int) -> Self:
-        """From lists of node numbers; InputError if a list is empty or does not fit."""
+        """C sets from lists of node numbers.
+
+        Parameters
+        ----------
+        sets : iterable of C sequences of int
+            The nodes of each set, from 0; sets may overlap.
+        n_nodes : int
+            N, the number of nodes of the graph.
+
+        Raises
+        ------
+        InputError
+            A set is empty, or names a node twice or one outside the graph.
+        """
         members: list[NDArray[np.int64]] = []
         for index, nodes in enumerate(sets):
             name = f"cliques[{index}]"
@@ -52,7 +65,12 @@ class Cliques:
 
     @classmethod
     def of_segments(cls, segments: Sequence[int] | NDArray[np.int64]) -> Self:
-        """From the number of its segment for each node (N,); -1 for none.
+        """A set for each segment, such as a superpixel.
+
+        Parameters
+        ----------
+        segments : (N,) int
+            The number of each node's segment, -1 for nodes in none.
 
         Examples
         --------

@@ -240,14 +240,34 @@ def checked_potentials(
 
 @public
 def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:
-    """The log-potential of a labelling: its unaries plus its edges, larger is better.
+    """The score of a labelling, larger is better.
+
+    ``sum_i unary[i, y_i] + sum_e pairwise[e, y_i, y_j]`` over the nodes i and the edges e = (i, j);
+    in the associative form an edge adds ``agreement[e, y_i]`` if both ends agree.
 
     Parameters
     ----------
-    graph, potentials
-        The problem.
+    graph : LabelGraph
+        N nodes, E edges.
+    potentials : Potentials
     labels : (N,) int
         A label index per node, ``0..K-1``.
+
+    Returns
+    -------
+    float
+        ``-inf`` for a forbidden labelling.
+
+    Raises
+    ------
+    InputError
+        Potentials or labels do not fit the graph.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> score(graph, Potentials.potts([[1.0, 0.0], [0.0, 0.5]], 0.25), [0, 0])
+    1.25
     """
     potentials.check_fits(graph)
     chosen = _checks.integer_array(
