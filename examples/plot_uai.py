@@ -13,7 +13,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pgm_places.io.networks.uai import read_evidence, read_uai, read_uai_result, write_uai_result
+from pgm_places.io.uai import read_evidence, read_uai, read_uai_result, write_uai_result
 from pgm_places.models.factor_decoding import decode_factors
 
 folder = Path(tempfile.mkdtemp())

@@ -25,9 +25,8 @@ import numpy as np
 
 from pgm_places.errors import OutputError, PgmPlacesError
 from pgm_places.io.logs.bags import grid_of_message
-from pgm_places.io.places.place_bag import class_grid
+from pgm_places.io.places.place_bag import ROS, class_grid, place_markers
 from pgm_places.io.places.place_ids_file import read_session, write_session
-from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import ModelOptions
 from pgm_places.live.live_map import LiveLabels, LiveMap

@@ -33,10 +33,10 @@ from .topology.checks import places_to_check as places_to_check
 from .topology.from_labels import topological_map as topological_map
 from .trained import trained_labeler as trained_labeler
 from .trained import trained_tracker as trained_tracker
-from .trajectories.mapped_drive import MappedDrive as MappedDrive
 from .trajectories.scan import Scan as Scan
 from .trajectories.scan import ScanGeometry as ScanGeometry
 from .trajectories.similarity import Similarity as Similarity
+from .trajectories.trajectory import MappedDrive as MappedDrive
 from .trajectories.trajectory import Trajectory as Trajectory
 
 __all__: list[str]

@@ -10,7 +10,7 @@ from sklearn.exceptions import NotFittedError as SklearnNotFittedError
 
 import pgm_places as p
 from pgm_places.errors import ConfigError, InfeasibleError, InputError, NotFittedError, OutputError
-from pgm_places.io.file_kind import kind_of
+from pgm_places.io.atomic import kind_of
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forward import ForwardFilter

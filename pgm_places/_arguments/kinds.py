@@ -24,8 +24,8 @@ NO = object()
 Check = Callable[[Any], Any]
 
 CONVERTERS = {
-    "OccupancyGrid": "pgm_places.io.maps.grid_argument:as_grid",
-    "CellMap": "pgm_places.io.maps.grid_argument:as_grid",
+    "OccupancyGrid": "pgm_places.io.maps.map_server:as_grid",
+    "CellMap": "pgm_places.io.maps.map_server:as_grid",
 }
 """Converters by type name, imported on first use; each returns None for other values."""
 

@@ -18,7 +18,7 @@ from pgm_places.errors import ConfigError, LogError
 from pgm_places.io.input_file import file_kind, open_input
 from pgm_places.io.logs.bag_access import is_bag
 from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
-from pgm_places.io.logs.log_lines import follow_files, follow_lines
+from pgm_places.io.logs.log_files import follow_files, follow_lines
 from pgm_places.io.logs.pose_csv import iter_pose_csv
 from pgm_places.io.output_set import output_set
 from pgm_places.labelers.tracking import OnlineLabeler, Track

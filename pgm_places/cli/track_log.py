@@ -15,7 +15,7 @@ from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import make_progress, say, say_next, say_written
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
-from pgm_places.io.logs.loaded_log import LoadedLog
+from pgm_places.io.logs.log_files import LoadedLog
 from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.io.logs.pose_csv import with_truth
 from pgm_places.io.logs.trajectories import read_trajectory

@@ -41,14 +41,14 @@ from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.labelers.tracking import map_of_scans
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.persistence.labelers import check_savable
 from pgm_places.persistence.model_folder import MANIFEST
-from pgm_places.persistence.place_labeler import check_savable
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from pgm_places.training.floor_teaching import taught_floor
-from pgm_places.trajectories.mapped_drive import MappedDrive
+from pgm_places.trajectories.trajectory import MappedDrive
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.list_learning import with_explicit_order
 

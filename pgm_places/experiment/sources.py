@@ -18,11 +18,11 @@ from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
-from pgm_places.io.maps.windows import window_mask
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
+from pgm_places.maps.windows import window_mask
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.simulation.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.teaching.paint import Paint

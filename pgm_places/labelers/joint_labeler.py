@@ -27,8 +27,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
 from pgm_places.progress import Progress, reporting_to
-from pgm_places.trajectories.mapped_drive import MappedDrive
-from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import MappedDrive, Trajectory
 
 LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Candidate weights of links, relative to all other edges."""

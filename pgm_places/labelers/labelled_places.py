@@ -17,8 +17,8 @@ from pgm_places.inference.labeling import Labeling, normalized_entropy
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor, refine, refined_shape
-from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.maps.windows import KnownWindow
 from pgm_places.plotting import Plotted, axes_or_new
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions

@@ -1,10 +1,8 @@
 """Saving and loading of labelers and backends."""
 
-import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from pgm_places._arguments import public
@@ -101,15 +99,16 @@ def save(
     """
     kind = _kind_of(item)
     _options_of(dict(record or {}))
-    names: tuple[Sequence[str], ...] = ()
     if isinstance(item, Labeler):
         item.check_fitted()
         if label_names:
             raise InputError("a labeler stores its own label names; omit label_names")
-    elif label_names:
-        names = (label_names,)
-    manifest, arrays = _codec(kind).dump(item, *names)
-    return save_folder(folder, {"kind": kind, **manifest, "record": dict(record or {})}, arrays)
+    from pgm_places.persistence.labelers import CODECS
+
+    manifest, arrays = CODECS[kind].dump(item)
+    names = [str(name) for name in label_names]
+    content = {"kind": kind, "label_names": names, **manifest, "record": dict(record or {})}
+    return save_folder(folder, content, arrays)
 
 
 @public
@@ -142,10 +141,12 @@ def read(folder: Path | str, *kinds: str) -> Stored:
         if isinstance(kind, str) and kind in USES:  # a damaged manifest may hold anything
             use = f"; use this one with {USES[kind]}"
         raise ModelFileError(f"{folder} holds a {quoted(kind)} model; expected a {listed}{use}")
+    from pgm_places.persistence.labelers import CODECS
+
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written
         record = manifest.get("record", {})
-        item, options = _codec(kind).load(manifest, arrays), _options_of(record)
+        item, options = CODECS[kind].load(manifest, arrays), _options_of(record)
         return Stored(kind, item, names, record, *options)
 
 
@@ -173,8 +174,3 @@ def _kind_of(item: object) -> str:
         f"only labelers and backends can be saved, got a {type(item).__name__}; for maps there is "
         "save_map"
     )
-
-
-def _codec(kind: str) -> ModuleType:
-    """The module that dumps and loads a kind; imported only when needed."""
-    return importlib.import_module(f"pgm_places.persistence.{kind.replace('-', '_')}")

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.places.exports import ROUTE_FILE
-from pgm_places.io.places.nav2_folder import write_nav2, write_nav2_route
+from pgm_places.io.places.nav2_folder import write_nav2
+from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.palette import ERROR, IGNORED, Swatch, label_colours, label_swatches
 from pgm_places.pictures.canvas import view_of
 from pgm_places.pictures.drawing import INK, Drawing

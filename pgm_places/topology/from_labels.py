@@ -18,8 +18,8 @@ from pgm_places.maps._blocks import factor_between
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.components import Components, connected_components
-from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.windows import KnownWindow
 from pgm_places.options import AtLeastZero
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate

@@ -32,6 +32,7 @@ from pgm_places.trajectories.similarity import Similarity
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+
 MOST_STEPS = 100_000_000
 """Of a path that is resampled."""
 
@@ -422,3 +423,25 @@ def headings_along(positions_m: ArrayLike) -> NDArray[np.float64]:
     steps[steps < 0] = int(moving.argmax())
     direction: NDArray[np.float64] = np.arctan2(motion[:, 1], motion[:, 0])[steps]
     return direction
+
+
+@public
+@dataclass(frozen=True, eq=False)
+class MappedDrive:
+    """A drive and the labelled map that it goes through.
+
+    Parameters
+    ----------
+    map : LabelledMap
+        Its cells lie in the frame of the drive's poses.
+    drive : Trajectory
+        With the true place of each step, -1 where unknown, or without labels.
+    """
+
+    map: LabelledMap
+    drive: Trajectory
+
+    @property
+    def building(self) -> str | None:
+        """The building of the drive, or of its map if the drive names none."""
+        return self.drive.building or self.map.building

@@ -23,7 +23,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.unentered import find_unentered
-from pgm_places.trajectories.mapped_drive import MappedDrive
+from pgm_places.trajectories.trajectory import MappedDrive
 from tests.cli.conftest import Run
 from tests.cli.test_track import rows_of
 from tests.drives import building, drive

@@ -23,13 +23,13 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
-from pgm_places.io.networks.uai import read_evidence, read_uai, read_uai_result
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_ids_file import read_session
 from pgm_places.io.places.place_settings import load_settings
 from pgm_places.io.places.result_folder import GATES_FILE, MANIFEST_FILE, SETTINGS_FILE
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.io.staging import NEW, UNFINISHED
+from pgm_places.io.uai import read_evidence, read_uai, read_uai_result
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.persistence.map_prior import read_labelled_map

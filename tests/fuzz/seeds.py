@@ -18,12 +18,12 @@ from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
-from pgm_places.io.networks.uai import read_uai, write_evidence, write_uai, write_uai_result
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.place_ids_file import write_session
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.result_folder import MANIFEST_FILE, probability_file
 from pgm_places.io.places.topology_files import save_topology
+from pgm_places.io.uai import read_uai, write_evidence, write_uai, write_uai_result
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelling.options import Outputs
 from pgm_places.maps.occupancy_grid import OccupancyGrid

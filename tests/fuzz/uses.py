@@ -13,9 +13,9 @@ from pgm_places.inference.backends import build
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.bags import MapMessage
 from pgm_places.io.maps.map_server import MapFile, load_map
-from pgm_places.io.networks.uai import read_uai
 from pgm_places.io.places.exports import EXPORTS, export
 from pgm_places.io.places.topology_files import save_topology
+from pgm_places.io.uai import read_uai
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid

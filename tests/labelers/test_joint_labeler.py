@@ -18,7 +18,7 @@ from pgm_places.labelling.label import label_map, label_map_and_drive
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import load, save
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.trajectories.mapped_drive import MappedDrive
+from pgm_places.trajectories.trajectory import MappedDrive
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive

@@ -9,8 +9,8 @@ from pgm_places import OccupancyGrid
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import coarsen, refine
-from pgm_places.maps.known_window import MARGIN_M
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN
+from pgm_places.maps.windows import MARGIN_M
 from pgm_places.simulation import generate_building
 from pgm_places.studio.relabelling import quick_labels
 from pgm_places.teaching.explanation import explain_cell, explain_region

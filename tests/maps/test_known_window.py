@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pgm_places.maps.coarsening import coarsen
-from pgm_places.maps.known_window import MARGIN_M, KnownWindow
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.windows import MARGIN_M, KnownWindow
 
 
 def canvas(

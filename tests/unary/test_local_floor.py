@@ -10,8 +10,7 @@ from pgm_places import OccupancyGrid, TrajectoryLabeler, load, save
 from pgm_places.errors import ConfigError, ModelFileError
 from pgm_places.floor.architecture import parameters
 from pgm_places.floor.network import FloorNetwork
-from pgm_places.persistence.trajectory_labeler import dump
-from pgm_places.persistence.trajectory_labeler import load as labeler_of
+from pgm_places.persistence.labelers import dump_trajectory, load_trajectory
 from pgm_places.trained import trained_floor
 from pgm_places.unary.floor_model import FloorModel, LocalFloor, with_local_floor
 from pgm_places.unary.local_space_features import square_around
@@ -122,7 +121,7 @@ def test_networks_need_a_map_around_the_robot() -> None:
 def test_shipped_networks_are_named_and_others_stored(tmp_path: Path) -> None:
     path = drive(1)[:20]
     shared = tracker(replace(trained_floor(), share=0.3, views_per_network=1))
-    manifest, arrays = dump(shared)
+    manifest, arrays = dump_trajectory(shared)
     assert manifest["floor"]["networks_of"] == "default"
     assert not any(name.startswith("floor") for name in arrays)
     rng = np.random.default_rng(0)
@@ -137,4 +136,4 @@ def test_shipped_networks_are_named_and_others_stored(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found.scores(path), tool.scores(path))
     manifest["floor"]["networks_of"] = "another"
     with pytest.raises(ModelFileError, match="networks_of must be 'default', got 'another'"):
-        labeler_of(manifest, arrays)
+        load_trajectory(manifest, arrays)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, LogError, MapError
 from pgm_places.io.logs.bag_access import is_bag, open_bag, stamp_s
 from pgm_places.io.logs.bag_poses import FrameTree, Lookup, PoseTrack, at_times, planar
-from pgm_places.io.logs.loaded_log import LoadedLog, ScanColumns, code_warnings, order_warnings
+from pgm_places.io.logs.log_files import LoadedLog, ScanColumns, code_warnings, order_warnings
 from pgm_places.io.maps.missing_walls import lacks_walls, with_walls
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.options import AtLeastZero, check_option

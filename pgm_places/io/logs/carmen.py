@@ -31,8 +31,8 @@ from pgm_places._checks import FARTHEST_M
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.input_file import user_path
-from pgm_places.io.logs import loaded_log
-from pgm_places.io.logs.log_lines import LogLines
+from pgm_places.io.logs import log_files
+from pgm_places.io.logs.log_files import LogLines
 from pgm_places.options import Positive, check_option
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
@@ -264,8 +264,8 @@ def iter_carmen_scans(
     Parameters
     ----------
     lines : iterable of bytes
-        A file opened in binary mode, :class:`~pgm_places.io.logs.log_lines.LogLines`, or the lines
-        of a growing file (:func:`~pgm_places.io.logs.log_lines.follow_lines`).
+        A file opened in binary mode, :class:`~pgm_places.io.logs.log_files.LogLines`, or the lines
+        of a growing file (:func:`~pgm_places.io.logs.log_files.follow_lines`).
     reader : CarmenReader, optional
         The choice of laser and limit; it also counts the lines that are not scans.
 
@@ -280,7 +280,7 @@ def iter_carmen_scans(
 
 def read_carmen(
     path: Path | str, *, laser: Laser = "front", range_max_m: float | None = None
-) -> loaded_log.LoadedLog:
+) -> log_files.LoadedLog:
     """The trajectory in a CARMEN log, plain or gzip, with warnings about the file.
 
     Parameters
@@ -307,7 +307,7 @@ def read_carmen(
     path = user_path(path, LogError)
     lines = LogLines(path)
     reader = CarmenReader(laser, range_max_m, keep_odometry=True)
-    scans = loaded_log.ScanColumns(path)
+    scans = log_files.ScanColumns(path)
     for scan in iter_carmen_scans(lines, reader=reader):
         scans.add(scan)
     warnings = []
@@ -326,7 +326,7 @@ def read_carmen(
             trajectory = replace(trajectory, odometry=None)  # as in logs that were corrected
         warnings += left_out
         if range_max_m is None:
-            warnings += loaded_log.code_warnings(trajectory)
+            warnings += log_files.code_warnings(trajectory)
     else:
         trajectory = _odometry_only(reader, path, name)
         kinds = " and ".join(kind.decode() for kind in _LASERS[laser])
@@ -334,8 +334,8 @@ def read_carmen(
             f"no scans of the {laser} laser ({kinds} lines); the {len(trajectory)} ODOM lines make "
             "a trajectory without scans"
         )
-    warnings += loaded_log.order_warnings(trajectory)
-    return loaded_log.LoadedLog(trajectory, path, tuple(warnings), reader.counts)
+    warnings += log_files.order_warnings(trajectory)
+    return log_files.LoadedLog(trajectory, path, tuple(warnings), reader.counts)
 
 
 def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Trajectory:
@@ -346,6 +346,6 @@ def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Traject
             f"(lines: {kinds or 'none'}); is it a complete CARMEN log?"
         )
     rows = np.frombuffer(reader.odometry).reshape(-1, 4)
-    if len(rows) > loaded_log.MAX_SCANS:
-        raise LogError(f"{path}: more than {loaded_log.MAX_SCANS} ODOM lines; split it")
+    if len(rows) > log_files.MAX_SCANS:
+        raise LogError(f"{path}: more than {log_files.MAX_SCANS} ODOM lines; split it")
     return Trajectory(rows[:, 0], rows[:, 1:], name=name)

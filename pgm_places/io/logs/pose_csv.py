@@ -13,7 +13,7 @@ from pgm_places.errors import LabelError, LogError, quoted
 from pgm_places.io.atomic import write_text
 from pgm_places.io.csv_table import CsvTable, csv_text, open_table
 from pgm_places.io.input_file import user_path
-from pgm_places.io.logs.loaded_log import LoadedLog, order_warnings
+from pgm_places.io.logs.log_files import LoadedLog, order_warnings
 from pgm_places.trajectories.trajectory import Trajectory, headings_along
 
 MAX_BYTES = 1 << 30
@@ -112,7 +112,7 @@ def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, N
     path : Path
         The file, for messages.
     lines : iterable of bytes
-        From the header on; see :func:`~pgm_places.io.logs.log_lines.follow_files`.
+        From the header on; see :func:`~pgm_places.io.logs.log_files.follow_files`.
 
     Raises
     ------

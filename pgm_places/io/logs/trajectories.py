@@ -7,7 +7,7 @@ from typing import Literal
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.input_file import file_kind, user_path
 from pgm_places.io.logs.bag_access import is_bag
-from pgm_places.io.logs.loaded_log import LoadedLog
+from pgm_places.io.logs.log_files import LoadedLog
 from pgm_places.trajectories.trajectory import Trajectory
 
 

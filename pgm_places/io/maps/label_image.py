@@ -15,8 +15,7 @@ from pgm_places._arguments import public
 from pgm_places._checks import label_raster
 from pgm_places.errors import LabelError, OutputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.file_kind import refuse_another_kind
+from pgm_places.io.atomic import refuse_another_kind, write_bytes, write_text
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps import label_values as coding
 from pgm_places.io.maps.label_values import LabelValues

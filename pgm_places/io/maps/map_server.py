@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PureWindowsPath
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from pgm_places._arguments import public
 from pgm_places._checks import frozen_copy
 from pgm_places.errors import MapError, OutputError, nearest_name, quoted
-from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.file_kind import refuse_another_kind
+from pgm_places.io.atomic import refuse_another_kind, write_bytes, write_text
 from pgm_places.io.input_file import file_kind, read_bytes, user_path
 from pgm_places.io.maps.map_pixels import (
     FREE_GREY,
@@ -404,3 +403,18 @@ def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:
 def _quoted(name: str) -> str:
     """A file name as a quoted YAML string."""
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def as_grid(value: Any) -> OccupancyGrid | None:
+    """The grid of a loaded map file, a labelled map, or a map's path; None for other values.
+
+    Raises
+    ------
+    MapError
+        As :func:`load_map`, for a path.
+    """
+    held = getattr(value, "grid", None)
+    if isinstance(held, OccupancyGrid):
+        return held
+    is_path = isinstance(value, str | Path) and Path(value).suffix in (".yaml", ".yml")
+    return load_map(value).grid if is_path else None

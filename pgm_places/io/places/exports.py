@@ -2,26 +2,223 @@
 
 import io
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
+from pgm_places._version import __version__
 from pgm_places.errors import InputError, escape_control, nearest_name
 from pgm_places.io.atomic import write_bytes, write_json, write_text
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.maps.raster_image import encoded
-from pgm_places.io.places.coverage import write_coverage
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
-from pgm_places.io.places.lif import write_lif
-from pgm_places.io.places.nav2_folder import check_frame, write_nav2_route
+from pgm_places.io.places.nav2_folder import check_frame
+from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
-from pgm_places.io.places.region_features import write_region_features
+from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option
-from pgm_places.topology.route_graph import ROBOT_RADIUS_M, route_graph
+from pgm_places.topology.outlines import outlines
+from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
+
+GOALS, SCRIPT = "coverage.yaml", "cover_place.py"
+
+_CELLS_OF_MARGIN = np.sqrt(2)
+"""Half the diagonal of a free cell plus half that of an obstacle's cell, in cells."""
+
+_SCRIPT = '''\
+#!/usr/bin/env python3
+"""Sends a place of coverage.yaml to Nav2's coverage navigator: cover_place.py "room 3"."""
+
+import sys
+from pathlib import Path
+
+import rclpy
+import yaml
+from geometry_msgs.msg import Point32, Polygon
+from opennav_coverage_msgs.action import NavigateCompleteCoverage
+from rclpy.action import ActionClient
+
+
+def main():
+    places = yaml.safe_load((Path(__file__).parent / "coverage.yaml").read_text())["places"]
+    if len(sys.argv) != 2 or sys.argv[1] not in places:
+        sys.exit("usage: cover_place.py PLACE, one of: " + ", ".join(places))
+    place = places[sys.argv[1]]
+    rclpy.init()
+    node = rclpy.create_node("cover_place")
+    client = ActionClient(node, NavigateCompleteCoverage, "navigate_complete_coverage")
+    client.wait_for_server()
+    goal = NavigateCompleteCoverage.Goal(frame_id=place["frame_id"])
+    for ring in place["polygons"]:
+        goal.polygons.append(Polygon(points=[Point32(x=x, y=y, z=0.0) for x, y in ring]))
+    accepted = client.send_goal_async(goal)
+    rclpy.spin_until_future_complete(node, accepted)
+    if not accepted.result().accepted:
+        sys.exit("the coverage navigator rejected the goal")
+    result = accepted.result().get_result_async()
+    rclpy.spin_until_future_complete(node, result)
+    sys.exit(result.result().result.error_code)
+
+
+if __name__ == "__main__":
+    main()
+'''
+
+
+def coverage_goals(topology: TopologicalMap, robot_radius_m: float) -> dict[str, Any]:
+    """The goal of opennav_coverage's ``NavigateCompleteCoverage`` for each place.
+
+    The first polygon is the outline of the largest part of the place in which a disc of the
+    robot's radius touches nothing but other places; the others are obstacles in it. All points are
+    at least the radius from obstacles. Rings are closed, as Fields2Cover wants them.
+
+    Parameters
+    ----------
+    topology : TopologicalMap
+    robot_radius_m : float
+
+    Returns
+    -------
+    dict
+        ``places``: by name, ``frame_id`` and ``polygons``, lists of [x, y] in metres.
+        ``left_out``: names of places too small for the robot; doorways are in neither.
+
+    Raises
+    ------
+    InputError
+        The robot fits into no place.
+    """
+    grid = topology.grid
+    clear = squared_clearance(topology.region == 0)
+    free = clear >= (robot_radius_m / grid.resolution_m + _CELLS_OF_MARGIN) ** 2
+    places: dict[str, Any] = {}
+    left_out = []
+    for region in topology.regions:
+        if region.label == topology.doorway_label:
+            continue
+        window = topology.window(region.id)
+        inside = free[window] & (topology.region[window] == region.id)
+        if not inside.any():
+            left_out.append(region.name)
+            continue
+        largest = connected_components(inside, connectivity=4).largest
+        piece = np.where(largest, 0, -1).astype(np.int32)
+        [outline] = outlines(piece, 1, tolerance=0)
+        corner = np.array([window[0].start, window[1].start])
+        rings = [grid.cell_centres_m(ring + corner - 0.5) for ring in outline.polygons[0]]
+        polygons = [ring.round(3).tolist() for ring in rings]
+        places[region.name] = {"frame_id": "map", "polygons": polygons}
+    if not places:
+        raise InputError(
+            f"a robot with a radius of {robot_radius_m:g} m fits into no place; pass a smaller "
+            "--robot-radius"
+        )
+    return {"places": places, "left_out": left_out}
+
+
+def write_coverage(folder: Path, topology: TopologicalMap, robot_radius_m: float) -> list[Path]:
+    """Write the goals of all places and a script that sends one of them; returns the paths."""
+    goals = coverage_goals(topology, robot_radius_m)
+    text = yaml.safe_dump(goals, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    return [write_text(folder / GOALS, text), write_text(folder / SCRIPT, _SCRIPT)]
+
+
+LIF_FILE = "layout.lif.json"
+VEHICLE_TYPE = "robot"
+
+
+def lif_layout(
+    topology: TopologicalMap, routes: RouteGraph, *, name: str, exported: datetime | None = None
+) -> dict[str, Any]:
+    """A LIF with one layout: nodes and edges of the route graph, places as stations.
+
+    Edges go in both directions. A station interacts at the node of its place. Numbers are metres
+    of the map frame. Source: *LIF - Layout Interchange Format*, VDMA, version 1.0.0 (2024).
+
+    Parameters
+    ----------
+    topology : TopologicalMap
+    routes : RouteGraph
+    name : str
+        Name of the project and of the layout.
+    exported : datetime, optional
+        Now by default.
+
+    Raises
+    ------
+    InputError
+        The route graph has no edge.
+    """
+    if not routes.edges:
+        raise InputError(
+            f"a robot with a radius of {routes.robot_radius_m:g} m can go nowhere: a layout needs "
+            "at least one edge"
+        )
+    ids = [f"node-{number}" for number in range(1, len(routes.nodes) + 1)]
+    vehicle = [{"vehicleTypeId": VEHICLE_TYPE}]
+    nodes: list[dict[str, Any]] = []
+    stations = []
+    for node_id, node in zip(ids, routes.nodes, strict=True):
+        place = topology.place(node.region)
+        position = {"x": round(node.point_m[0], 3), "y": round(node.point_m[1], 3)}
+        nodes.append(
+            {
+                "nodeId": node_id,
+                "nodeDescription": place.name,
+                "mapId": "map",
+                "nodePosition": position,
+                "vehicleTypeNodeProperties": vehicle,
+            }
+        )
+        if node.is_anchor and place.label != topology.doorway_label:
+            stations.append(
+                {
+                    "stationId": f"place-{place.id}",
+                    "interactionNodeIds": [node_id],
+                    "stationName": place.name,
+                    "stationDescription": place.label,
+                    "stationPosition": position,
+                }
+            )
+    edges = [
+        {
+            "edgeId": f"edge-{number}{way}",
+            "startNodeId": ids[start],
+            "endNodeId": ids[end],
+            "vehicleTypeEdgeProperties": [{"vehicleTypeId": VEHICLE_TYPE, "rotationAllowed": True}],
+        }
+        for number, edge in enumerate(routes.edges, start=1)
+        for way, start, end in (("", edge.first, edge.second), ("-back", edge.second, edge.first))
+    ]
+    layout = {
+        "layoutId": "layout-1",
+        "layoutName": name,
+        "layoutVersion": "1",
+        "nodes": nodes,
+        "edges": edges,
+        "stations": stations,
+    }
+    moment = exported or datetime.now(UTC)
+    about = {
+        "projectIdentification": name,
+        "creator": f"pgm-places {__version__}",
+        "exportTimestamp": moment.strftime("%Y-%m-%dT%H:%M:%S.000Z"),
+        "lifVersion": "1.0.0",
+    }
+    return {"metaInformation": about, "layouts": [layout]}
+
+
+def write_lif(folder: Path, topology: TopologicalMap, routes: RouteGraph, *, name: str) -> Path:
+    """Write the layout; returns the path."""
+    return write_json(folder / LIF_FILE, lif_layout(topology, routes, name=name), indent=1)
+
 
 _TRANSFORMATION, _GEO_KEYS, _NO_DATA = 34264, 34735, 42113
 # Key directory 1.1.0: a plane (1024: 1), pixels are areas (1025: 1), EPSG 3857, metres (3072).
@@ -156,7 +353,7 @@ Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 ROUTE_FILE = "nav2_route.geojson"
 
 EXPORTS: dict[str, Writer] = {
-    "regions": lambda folder, t: [write_region_features(folder / "regions.geojson", t)],
+    "regions": lambda folder, t: [write_json(folder / "regions.geojson", t.to_geojson())],
     "graphml": lambda folder, t: [write_graphml(folder / "places.graphml", t)],
     "node-link": lambda folder, t: [write_node_link(folder / "place_graph.json", t)],
     "dot": lambda folder, t: [write_dot(folder / "places.dot", t)],

@@ -1,4 +1,4 @@
-"""Export for Nav2: a folder with map, route graph, masks, parameters and poses."""
+"""Export for Nav2: a folder with map, route graph, masks, parameters, poses and launch files."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,173 +7,13 @@ from typing import Any
 import yaml
 
 from pgm_places.errors import InputError
-from pgm_places.io.atomic import write_json, write_text
+from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
-from pgm_places.io.places.nav2_scripts import (
-    BRINGUP,
-    BRINGUP_TEXT,
-    EXAMPLE,
-    EXAMPLE_TEXT,
-    LAUNCH,
-    LAUNCH_TEXT,
-)
-from pgm_places.io.places.route_ids import EarlierIds, edge_ids, node_ids
+from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.geojson import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import RouteGraph, standing_points
 from pgm_places.topology.topological_map import TopologicalMap
-
-__all__ = ["route_features", "write_nav2", "write_nav2_route"]
-
-Feature = dict[str, Any]
-
-
-def route_features(
-    topology: TopologicalMap,
-    routes: RouteGraph,
-    *,
-    speeds_m_s: Mapping[str, float] | None = None,
-    earlier: EarlierIds | None = None,
-) -> dict[str, Any]:
-    """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
-
-    The node of a place has the id of the place; other nodes count from 10,001, edges from 30,001;
-    ids are unique. Edges are directed and come in pairs. Metadata hold the ``class`` for Nav2's
-    ``SemanticScorer``, the ``name`` of the place, the ``clearance_m``, and for nodes in doorways
-    their ``width_m``; never null, which the loader refuses. With speeds, edges have the lowest
-    limit of the places that they touch as ``abs_speed_limit``, for Nav2's ``TimeScorer``.
-    Operations are left to the user.
-
-    Parameters
-    ----------
-    topology : TopologicalMap
-    routes : RouteGraph
-    speeds_m_s : mapping of str to float, optional
-        The largest speed by class or name of place; a place's limit overrides its class's.
-    earlier : EarlierIds, optional
-        Ids of an earlier export, which nodes at the same positions and their edges keep.
-
-    Raises
-    ------
-    InputError
-        The graph has no edge, or a name is neither a place nor a class.
-    """
-    topology.ids_of(speeds_m_s or ())
-    if not routes.edges:
-        raise InputError(
-            f"a robot with a radius of {routes.robot_radius_m:g} m can go nowhere: no two places "
-            "are connected by a passage wide enough; Nav2's Route Server needs at least one edge"
-        )
-    earlier = earlier or EarlierIds()
-    ids = node_ids(routes, earlier)
-    return {
-        "type": "FeatureCollection",
-        "name": "graph",
-        "crs": LOCAL_METRES,
-        "features": [
-            *_nodes(topology, routes, ids),
-            *_edges(topology, routes, ids, earlier, speeds_m_s or {}),
-        ],
-    }
-
-
-def _nodes(topology: TopologicalMap, routes: RouteGraph, ids: list[int]) -> list[Feature]:
-    features = []
-    for number, node in zip(ids, routes.nodes, strict=True):
-        metadata = {
-            **_place(topology, node.region),
-            "region": node.region,
-            "is_anchor": node.is_anchor,
-            "clearance_m": round(node.clearance_m, DIGITS),
-        }
-        width_m = _door_width_m(topology, node.region)
-        if width_m is not None:
-            metadata["width_m"] = round(width_m, DIGITS)
-        features.append(
-            {
-                "type": "Feature",
-                "properties": {"id": number, "frame": "map", "metadata": metadata},
-                "geometry": {"type": "Point", "coordinates": _rounded(node.point_m)},
-            }
-        )
-    return features
-
-
-def _edges(
-    topology: TopologicalMap,
-    routes: RouteGraph,
-    ids: list[int],
-    earlier: EarlierIds,
-    speeds_m_s: Mapping[str, float],
-) -> list[Feature]:
-    features: list[Feature] = []
-    ways = [
-        (ids[start], ids[end])
-        for edge in routes.edges
-        for start, end in ((edge.first, edge.second), (edge.second, edge.first))
-    ]
-    numbers = iter(edge_ids(ways, ids, earlier))
-    for edge in routes.edges:
-        metadata = {**_place(topology, edge.region), "clearance_m": round(edge.clearance_m, DIGITS)}
-        places = [topology.place(routes.nodes[k].region) for k in (edge.first, edge.second)]
-        known = [speeds_m_s.get(place.name, speeds_m_s.get(place.label)) for place in places]
-        # Floats: Nav2 keeps the type of a number in the file, and only accepts floats here.
-        if limits := [float(value) for value in known if value is not None]:
-            metadata["abs_speed_limit"] = min(limits)
-        for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
-            line = [_rounded(routes.nodes[k].point_m) for k in (start, end)]
-            properties = {
-                "id": next(numbers),
-                "startid": ids[start],
-                "endid": ids[end],
-                "cost": round(edge.length_m, DIGITS),
-                "overridable": True,
-                "metadata": metadata,
-            }
-            geometry = {"type": "MultiLineString", "coordinates": [line]}
-            features.append({"type": "Feature", "properties": properties, "geometry": geometry})
-    return features
-
-
-def _place(topology: TopologicalMap, number: int) -> dict[str, Any]:
-    region = topology.place(number)
-    return {"class": region.label, "name": region.name}
-
-
-def _door_width_m(topology: TopologicalMap, number: int) -> float | None:
-    """The width of a doorway at its narrowest passage; None for other places."""
-    if topology.place(number).label != topology.doorway_label:
-        return None
-    return min(
-        (
-            connection.width_m
-            for connection in topology.connections
-            if number in (connection.first, connection.second)
-        ),
-        default=None,
-    )
-
-
-def _rounded(point: tuple[float, float]) -> list[float]:
-    return [round(value, DIGITS) for value in point]
-
-
-def write_nav2_route(
-    path: Path | str,
-    topology: TopologicalMap,
-    routes: RouteGraph,
-    *,
-    speeds_m_s: Mapping[str, float] | None = None,
-    earlier: Path | None = None,
-) -> Path:
-    """Write the graph for Nav2's Route Server; returns the path.
-
-    Nodes and edges keep the ids of an existing file.
-    """
-    known = EarlierIds.read(earlier)
-    return write_json(path, route_features(topology, routes, speeds_m_s=speeds_m_s, earlier=known))
-
 
 MAP, ROUTE, PARAMETERS = "map", "nav2_route.geojson", "nav2_params.yaml"
 POSES = "poses.yaml"
@@ -285,6 +125,7 @@ def write_nav2(
 
 
 def check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
+    """Refuse a map whose frame or size is not that of the places."""
     places = topology.grid
     mine, theirs = (
         (*item.shape, item.resolution_m, *item.origin_xy_m, item.yaw_rad) for item in (grid, places)
@@ -357,3 +198,177 @@ def _poses(topology: TopologicalMap, routes: RouteGraph) -> dict[str, Any]:
         }
         for number, (x, y) in points.items()
     }
+
+
+BRINGUP, LAUNCH, EXAMPLE = "bringup.launch.py", "places.launch.py", "go_to_place.py"
+
+BRINGUP_TEXT = '''\
+"""Starts Nav2 with the map, the route graph and the masks of this folder: Nav2 of Kilted or later.
+
+ros2 launch bringup.launch.py params_file:=/path/to/your/nav2_params.yaml [namespace:=robot1]
+"""
+
+import os
+import tempfile
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+FILES = {files!r}
+TREE = "navigate_on_route_graph_w_recovery.xml"
+
+
+def read(path):
+    with open(path, encoding="utf-8") as file:
+        return yaml.safe_load(file)
+
+
+def merge(into, values, relative):
+    """Values of this folder over those of the robot; lists of filters are joined."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            merge(into.setdefault(key, {{}}), value, relative)
+        elif key == "filters":
+            into[key] = list(dict.fromkeys([*into.get(key, []), *value]))
+        elif relative and isinstance(value, str) and "topic" in key:
+            into[key] = value.lstrip("/")
+        else:
+            into[key] = value
+
+
+def parameters(context):
+    """The robot's parameters with those of this folder, in a temporary file."""
+    found = read(LaunchConfiguration("params_file").perform(context))
+    namespace = LaunchConfiguration("namespace").perform(context)
+    merge(found, read(os.path.join(FOLDER, {parameters!r})), relative=bool(namespace))
+    if "graph" in FILES:
+        follow_graph(found)
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
+        yaml.safe_dump(found, file, sort_keys=False)
+    return file.name
+
+
+def follow_graph(found):
+    """Let NavigateToPose follow the route graph, by Nav2's own tree and a smoother for it."""
+    navigator = found.setdefault("bt_navigator", {{}}).setdefault("ros__parameters", {{}})
+    trees = os.path.join(get_package_share_directory("nav2_bt_navigator"), "behavior_trees")
+    navigator["default_nav_to_pose_bt_xml"] = os.path.join(trees, TREE)
+    smoother = found.setdefault("smoother_server", {{}}).setdefault("ros__parameters", {{}})
+    if "route_smoother" not in smoother:  # which the behaviour tree asks for
+        plugins = smoother.setdefault("smoother_plugins", [])
+        smoother["smoother_plugins"] = [*plugins, "route_smoother"]
+        smoother["route_smoother"] = {{"plugin": "nav2_smoother::SimpleSmoother"}}
+
+
+def started(context):
+    bringup = os.path.join(get_package_share_directory("nav2_bringup"), "launch")
+    given = {{name: os.path.join(FOLDER, file) for name, file in FILES.items()}}
+    given["use_keepout_zones"] = str("keepout_mask" in FILES)
+    given["use_speed_zones"] = str("speed_mask" in FILES)
+    given["params_file"] = parameters(context)
+    for name in ("namespace", "use_sim_time"):
+        given[name] = LaunchConfiguration(name).perform(context)
+    source = PythonLaunchDescriptionSource(os.path.join(bringup, "bringup_launch.py"))
+    return [IncludeLaunchDescription(source, launch_arguments=given.items())]
+
+
+def generate_launch_description():
+    bringup = get_package_share_directory("nav2_bringup")
+    defaults = os.path.join(bringup, "params", "nav2_params.yaml")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("params_file", default_value=defaults),
+            DeclareLaunchArgument("namespace", default_value=""),
+            DeclareLaunchArgument("use_sim_time", default_value="false"),
+            OpaqueFunction(function=started),
+        ]
+    )
+'''
+"""With ``files`` (launch arguments of nav2_bringup) and ``parameters``, a file's name."""
+
+LAUNCH_TEXT = '''\
+"""Starts the servers of the places in addition to a running Nav2: Humble and Jazzy.
+
+From Kilted on, nav2_bringup starts them itself: use bringup.launch.py.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from nav2_common.launch import RewrittenYaml
+
+PARAMETERS = {parameters!r}
+SERVERS = [
+{servers}
+]
+
+
+def generate_launch_description():
+    namespace = LaunchConfiguration("namespace")
+    use_sim_time = LaunchConfiguration("use_sim_time")
+    parameters = RewrittenYaml(
+        source_file=PARAMETERS, root_key=namespace, param_rewrites={{}}, convert_types=True
+    )
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("namespace", default_value=""),
+            DeclareLaunchArgument("use_sim_time", default_value="false"),
+            *(
+                Node(
+                    package=package,
+                    executable=executable,
+                    name=name,
+                    namespace=namespace,
+                    parameters=[parameters, {{"use_sim_time": use_sim_time}}],
+                )
+                for package, executable, name in SERVERS
+            ),
+        ]
+    )
+'''
+"""With ``parameters``, a path, and ``servers``: package, executable and name of each."""
+
+EXAMPLE_TEXT = '''\
+#!/usr/bin/env python3
+"""Drives to a place by its name: python3 go_to_place.py "room 12"."""
+
+import sys
+from pathlib import Path
+
+import rclpy
+import yaml
+from geometry_msgs.msg import PoseStamped
+from nav2_simple_commander.robot_navigator import BasicNavigator, TaskResult
+
+
+def main():
+    places = yaml.safe_load((Path(__file__).parent / "poses.yaml").read_text(encoding="utf-8"))
+    if len(sys.argv) != 2 or sys.argv[1] not in places:
+        sys.exit("usage: go_to_place.py PLACE, one of: " + ", ".join(places))
+    place = places[sys.argv[1]]
+    rclpy.init()
+    navigator = BasicNavigator()
+    navigator.waitUntilNav2Active()  # with AMCL, set the initial pose first
+    goal = PoseStamped()
+    goal.header.frame_id = place["frame_id"]
+    goal.header.stamp = navigator.get_clock().now().to_msg()
+    goal.pose.position.x, goal.pose.position.y = place["x"], place["y"]
+    goal.pose.orientation.w = 1.0
+    navigator.goToPose(goal)
+    while not navigator.isTaskComplete():  # waits for a tenth of a second
+        pass
+    result = navigator.getResult()
+    rclpy.shutdown()
+    if result != TaskResult.SUCCEEDED:
+        sys.exit(f"did not reach {sys.argv[1]}: {result.name.lower()}")
+
+
+if __name__ == "__main__":
+    main()
+'''

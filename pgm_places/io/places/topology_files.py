@@ -1,8 +1,8 @@
-"""Files of a topological map: places.json with its images, names, and the check table."""
+"""Files of a topological map: places.json with its images, outlines, names, and the check table."""
 
 import dataclasses
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
@@ -19,7 +19,6 @@ from pgm_places.io.csv_table import csv_text
 from pgm_places.io.input_file import read_record, user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
 from pgm_places.io.maps.regions import read_regions
-from pgm_places.io.places.region_features import read_gate, write_region_features
 from pgm_places.io.places.result_folder import (
     FEATURES_FILE,
     NAMES_FILE,
@@ -33,9 +32,10 @@ from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
 from pgm_places.options.marks import Ge
+from pgm_places.spaces.gate import Gate
 from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.corrections import Correction
-from pgm_places.topology.geojson import gate_record
+from pgm_places.topology.geojson import SIZES, gate_record
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import HALL, Polygon, Region
 from pgm_places.topology.split_candidates import split_candidates
@@ -184,7 +184,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
         )
     written = [
         write_numbers(target / REGION_FILE, topology.region),
-        write_region_features(target / FEATURES_FILE, topology),
+        write_json(target / FEATURES_FILE, topology.to_geojson()),
     ]
     return [write_json(target / PLACES_FILE, _record(topology), indent=1), *written]
 
@@ -294,7 +294,13 @@ def _region(
         raise InputError(f"{path}.label {quoted(values['label'])} is not among label_names")
     gate = item.get("gate")
     polygons = outlines[str(values["id"])]
-    return Region(**values, polygons=polygons, gate=None if gate is None else read_gate(gate))
+    return Region(**values, polygons=polygons, gate=None if gate is None else _gate(gate))
+
+
+def _gate(record: Mapping[str, Any]) -> Gate:
+    """The gate of a record; its corners are computed."""
+    x, y = (float(value) for value in record["centre_m"])
+    return Gate((x, y), *(float(record[name]) for name in SIZES))
 
 
 def write_own_name(folder: Path | str, number: int, name: str, *, into: Path | None = None) -> Path:

@@ -14,7 +14,7 @@ from pgm_places.errors import InputError, LogError, PgmPlacesError
 from pgm_places.io.logs.bag_writer import write_bag
 from pgm_places.io.logs.bags import read_bag
 from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
-from pgm_places.io.logs.log_lines import LogLines
+from pgm_places.io.logs.log_files import LogLines
 from tests.io.logs.bag_files import BagFile
 from tests.io.logs.log_files import drive
 from tests.real_data import real_data_folder

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pgm_places import ScanGeometry
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans, read_carmen, write_carmen
-from pgm_places.io.logs.loaded_log import ScanColumns
+from pgm_places.io.logs.log_files import ScanColumns
 from tests.io.logs.log_files import HEADER, drive, flaser, robotlaser
 from tests.real_data import real_data_folder
 

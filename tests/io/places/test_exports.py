@@ -18,7 +18,7 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.exports import EXPORTS, export, pixel_to_map, write_geotiff
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
-from pgm_places.io.places.nav2_folder import route_features
+from pgm_places.io.places.nav2_route import route_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map

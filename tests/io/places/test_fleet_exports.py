@@ -12,9 +12,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.io.places.coverage import coverage_goals
-from pgm_places.io.places.exports import export, write_cleaned_map
-from pgm_places.io.places.lif import lif_layout
+from pgm_places.io.places.exports import coverage_goals, export, lif_layout, write_cleaned_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph

@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from pgm_places.io.places.exports import export
-from pgm_places.io.places.nav2_folder import write_nav2_route
-from pgm_places.io.places.route_ids import EarlierIds, node_ids
+from pgm_places.io.places.nav2_route import EarlierIds, node_ids, write_nav2_route
 from pgm_places.topology.route_graph import RouteGraph, RouteNode, route_graph
 from tests.topology.floors import floor_map
 
@@ -82,7 +81,7 @@ def test_a_graph_that_cannot_be_read_is_said(
     path = tmp_path / "nav2_route.geojson"
     path.write_text(text)
     said: list[str] = []
-    monkeypatch.setattr("pgm_places.io.places.route_ids.warn", said.append)
+    monkeypatch.setattr("pgm_places.io.places.nav2_route.warn", said.append)
     assert EarlierIds.read(path) == EarlierIds()
     [line] = said
     assert "cannot be read, so all nodes and edges get new ids" in line

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError, LabelError, OutputError
+from pgm_places.io.atomic import write_json
 from pgm_places.io.maps.regions import load_regions, read_regions
-from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_ids import PlaceIds
@@ -61,7 +61,7 @@ def test_the_outlines_are_ground_truth_for_our_own_reader(tmp_path: Path) -> Non
     labels[6:8, 3:5] = -1  # a pillar: a hole in the first room
     grid = floor_grid(labels, **FRAME)
     topology = topological_map(grid, labels, NAMES, tolerance=0.0)
-    path = write_region_features(tmp_path / "regions.geojson", topology)
+    path = write_json(tmp_path / "regions.geojson", topology.to_geojson())
     assert (load_regions(path, NAMES, grid) == labels).all()
 
 
@@ -75,7 +75,7 @@ def test_features_carry_what_a_map_viewer_shows(tmp_path: Path) -> None:
     assert "confidence" not in first["properties"]
     diagonal = np.array([[1, -1], [-1, 1]], np.int16)
     two = topological_map(floor_grid(diagonal), diagonal, NAMES, correct=False)
-    path = write_region_features(tmp_path / "two.geojson", two)
+    path = write_json(tmp_path / "two.geojson", two.to_geojson())
     assert [len(region.polygons) for region in read_regions(path, "id")] == [2]
 
 

@@ -8,7 +8,7 @@ import pytest
 from pgm_places.errors import InputError
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.io.networks.uai import (
+from pgm_places.io.uai import (
     read_evidence,
     read_uai,
     read_uai_result,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import LogError
-from pgm_places.io.logs.log_lines import MAX_LINE, LogLines, follow_lines
+from pgm_places.io.logs.log_files import MAX_LINE, LogLines, follow_lines
 
 LINES = [f"ODOM {number}\n".encode() for number in range(20_000)]
 

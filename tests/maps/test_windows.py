@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pgm_places import OccupancyGrid
 from pgm_places.errors import MapError
 from pgm_places.graph.bands import band_limit
-from pgm_places.io.maps.windows import window_mask
+from pgm_places.maps.windows import window_mask
 
 
 def grid(height: int = 4, width: int = 5, **frame: Any) -> OccupancyGrid:

@@ -1,5 +1,9 @@
-"""Unary models as plain data: the sensor, custom features, boosted lists."""
+"""Parts of models as plain data: methods, boosted lists, features, sensors, floor networks.
 
+Each ``dump_`` function returns a record and adds its arrays to ``arrays`` under a prefix.
+"""
+
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,24 +14,23 @@ from pgm_places.errors import ModelFileError
 from pgm_places.features.custom import FEATURES
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.floor.network import FloorNetwork
+from pgm_places.inference.backends import METHODS, LearnedNames
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.options import option_values
 from pgm_places.persistence.model_folder import Arrays, below, load_folder, put_below
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary.floor_model import FloorModel
 
-_OPTIONS = ("views_per_network", "share", "doorway_share", "gate_share")
+_FLOOR_OPTIONS = ("views_per_network", "share", "doorway_share", "gate_share")
 
 _SHIPPED = Path(__file__).resolve().parents[1] / "trained" / "default"
 """The shipped model, whose networks other models refer to."""
 
 
 def dump_floor(arrays: Arrays, floor: FloorModel, *, name_shipped: bool = False) -> dict[str, Any]:
-    """The record of floor networks, whose weights are added to the arrays.
-
-    With ``name_shipped``, networks of the shipped model are only named, which halves the folder.
-    """
-    options = {"columns": list(floor.columns)} | {name: getattr(floor, name) for name in _OPTIONS}
+    """Floor networks; ``name_shipped`` only names those of the shipped model, to halve a folder."""
+    options = {name: getattr(floor, name) for name in _FLOOR_OPTIONS}
+    options = {"columns": list(floor.columns), **options}
     packed = [network.packed() for network in floor.networks]
     if name_shipped:
         shipped = [network.packed() for network in _shipped_networks()]
@@ -40,13 +43,7 @@ def dump_floor(arrays: Arrays, floor: FloorModel, *, name_shipped: bool = False)
 def load_floor(
     record: Mapping[str, Any] | None, arrays: Arrays, n_labels: int
 ) -> FloorModel | None:
-    """The floor networks of a record, or None.
-
-    Raises
-    ------
-    ModelFileError
-        The columns do not fit the labels, or the networks refer to an unknown model.
-    """
+    """The floor networks of a record; None without a record."""
     if record is None:
         return None
     columns = tuple(record["columns"])
@@ -60,7 +57,7 @@ def load_floor(
         networks = _shipped_networks()
     else:
         networks = _networks(arrays, record["n_networks"])
-    return FloorModel(networks, columns, **{name: record[name] for name in _OPTIONS})
+    return FloorModel(networks, columns, **{name: record[name] for name in _FLOOR_OPTIONS})
 
 
 def _networks(arrays: Arrays, n: int) -> tuple[FloorNetwork, ...]:
@@ -73,13 +70,7 @@ def _shipped_networks() -> tuple[FloorNetwork, ...]:
 
 
 def check_feature_set(manifest: Mapping[str, object]) -> None:
-    """Check that a model was trained with the laser features of this version.
-
-    Raises
-    ------
-    ModelFileError
-        The definition of the features has changed.
-    """
+    """Refuse a model that was trained with another definition of the laser features."""
     if manifest.get("feature_set") != feature_set_hash():
         raise ModelFileError(
             "the model was trained with another definition of the laser features; train it again "
@@ -95,7 +86,7 @@ def load_sensor(record: Mapping[str, Any]) -> Sensor:
 
 
 def dump_features(features: tuple[Any, ...]) -> list[dict[str, Any]]:
-    """Custom features as plain data: their registered names, options and columns."""
+    """Custom features: their registered names, options and columns."""
     return [
         {
             "name": FEATURES.name_of(type(feature)),
@@ -107,13 +98,7 @@ def dump_features(features: tuple[Any, ...]) -> list[dict[str, Any]]:
 
 
 def load_features(manifest: Mapping[str, Any]) -> tuple[Any, ...]:
-    """The custom features of a manifest; none in models saved by earlier versions.
-
-    Raises
-    ------
-    ModelFileError
-        A feature is not installed, or its columns have changed.
-    """
+    """The custom features of a manifest, checked for their columns; none in early models."""
     features = []
     for record in manifest.get("features", []):
         feature = FEATURES.from_saved(record["name"], record["options"])
@@ -127,8 +112,10 @@ def load_features(manifest: Mapping[str, Any]) -> tuple[Any, ...]:
     return tuple(features)
 
 
-def dump_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:
-    """The list as plain data; its arrays are added to ``arrays`` under the prefix."""
+def dump_list(arrays: Arrays, prefix: str, classifier: BoostedList | None) -> dict[str, Any] | None:
+    """A boosted list, or None."""
+    if classifier is None:
+        return None
     meta, parts = classifier.to_arrays()
     put_below(arrays, prefix, parts)
     return dict(meta)
@@ -147,3 +134,34 @@ def load_list(
     if not np.issubdtype(classes.dtype, np.integer) or (classes >= n_labels).any():
         raise ModelFileError(f"{prefix} has classes {classes.tolist()} but {n_labels} labels")
     return classifier
+
+
+def dump_backend(arrays: Arrays, prefix: str, backend: Any) -> dict[str, Any]:
+    """A backend: its registered name, options and learned arrays."""
+    learned = []
+    for field in dataclasses.fields(backend):
+        value = getattr(backend, field.name)
+        if field.metadata.get("learned") and value is not None:
+            arrays[f"{prefix}/{field.name}"] = np.asarray(value)
+            learned.append(field.name)
+    return {
+        "backend": METHODS.name_of(type(backend)),
+        "options": option_values(backend),
+        "learned": learned,
+    }
+
+
+def load_backend(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
+    """The backend of :func:`dump_backend`."""
+    name = record["backend"]
+    backend = METHODS.from_saved(name, record["options"])
+    known = {field.name for field in dataclasses.fields(backend) if field.metadata.get("learned")}
+    values = {}
+    for field_name in record["learned"]:
+        if field_name not in known:
+            raise ModelFileError(f"{prefix}: {name} has no learned array {field_name!r}")
+        values[field_name] = arrays[f"{prefix}/{field_name}"]
+    fitted = dataclasses.replace(backend, **values)
+    if isinstance(fitted, LearnedNames):
+        _ = fitted.learned_names  # raises if a damaged file holds invalid text
+    return fitted

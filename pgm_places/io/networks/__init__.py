@@ -1,1 +1,0 @@
-"""Exchange formats of graphical models: UAI."""
