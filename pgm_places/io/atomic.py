@@ -67,13 +67,7 @@ def _is_json(text: str) -> bool:
 
 
 def refuse_another_kind(path: Path, new: bytes) -> None:
-    """Refuse to overwrite a file of another kind; an empty or damaged file may be overwritten.
-
-    Raises
-    ------
-    OutputError
-        The file would be lost.
-    """
+    """Refuse to overwrite a file of another kind; an empty or damaged file may be overwritten."""
     try:
         with path.open("rb") as file:
             old = file.read(HEAD)
@@ -93,8 +87,7 @@ def write_bytes(path: Path | str, data: bytes) -> Path:
     Raises
     ------
     OutputError
-        The file cannot be written, or a file of another kind exists there: a map's description, an
-        image, a model. The existing file is then unchanged.
+        The file cannot be written, or a file of another kind exists there, such as an image.
     """
     refuse_another_kind(Path(path), data)
     with atomic_file(path) as temporary:
@@ -103,24 +96,12 @@ def write_bytes(path: Path | str, data: bytes) -> Path:
 
 
 def write_text(path: Path | str, text: str) -> Path:
-    """Write text atomically in UTF-8 with Unix line ends; returns the path.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written; an existing one is then unchanged.
-    """
+    """Write text as :func:`write_bytes` does, in UTF-8 with Unix line ends; returns the path."""
     return write_bytes(path, text.encode("utf-8"))
 
 
 def write_json(path: Path | str, value: Any, **options: Any) -> Path:
-    """Write a value as JSON atomically, with options of ``json.dumps``; returns the path.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written; an existing one is then unchanged.
-    """
+    """Write JSON as :func:`write_bytes` does, with options of ``json.dumps``; returns the path."""
     return write_text(path, json.dumps(value, **{"allow_nan": False, **options}) + "\n")
 
 
@@ -128,13 +109,8 @@ def write_json(path: Path | str, value: Any, **options: Any) -> Path:
 def atomic_file(path: Path | str) -> Iterator[Path]:
     """A temporary path to write to, renamed to ``path`` at the end of the block.
 
-    After an exception, Ctrl-C included, it is removed and ``path`` is unchanged.
-
-    Raises
-    ------
-    OutputError
-        For every ``OSError`` on the way: a folder that cannot be written, a full disk, a folder
-        that stands where the file should go.
+    After an exception, Ctrl-C included, it is removed and ``path`` is unchanged; every ``OSError``
+    becomes an OutputError.
     """
     target = Path(path)
     with staging.as_output_errors(target), staging.make_folders(target.parent):
@@ -159,14 +135,8 @@ def atomic_folder(
 ) -> Iterator[Path]:
     """A new temporary folder that replaces ``path`` at the end of the block.
 
-    An existing folder at ``path`` is replaced with all its content if it is empty or
-    ``replaces(path)`` is true; otherwise it is refused, before anything is written. After an
-    exception, Ctrl-C included, the new folder is removed and ``path`` is unchanged.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be written, or another one is in the way.
+    A folder at ``path`` that is neither empty nor replaceable (``replaces(path)``) is refused
+    before anything is written. After an exception, Ctrl-C included, ``path`` is unchanged.
     """
     target = Path(path)
     with staging.as_output_errors(target):
@@ -190,14 +160,7 @@ def atomic_folder(
 def check_folder_target(
     path: Path | str, *, replaces: Callable[[Path], bool] | None = None
 ) -> None:
-    """Refuse a path at which ``atomic_folder`` would fail; leftovers of killed runs are removed.
-
-    Raises
-    ------
-    OutputError
-        A file is in the way, or a folder that is neither empty nor replaceable, or permission to
-        write is missing.
-    """
+    """Refuse a path at which ``atomic_folder`` would fail; leftovers of killed runs are removed."""
     target = Path(path)
     with staging.as_output_errors(target):
         tidy(target)
@@ -215,13 +178,7 @@ def _refuse_others(target: Path, replaces: Callable[[Path], bool] | None) -> Non
 
 
 def tidy(path: Path | str) -> None:
-    """Complete or remove leftovers of a killed run in a folder; refuse an unwritable one.
-
-    Raises
-    ------
-    OutputError
-        A file is in the way, or permission to write is missing.
-    """
+    """Complete or remove leftovers of a killed run in a folder; refuse an unwritable one."""
     target = Path(path)
     with staging.as_output_errors(target):
         # In this order: another process may create the folder between the two checks.

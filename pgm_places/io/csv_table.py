@@ -26,17 +26,7 @@ _MAX_LINE = 1 << 20
 
 
 class CsvTable:
-    """An open table: its header, and the requested columns.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    rows : iterator of lists of str
-        The header and the rows that follow; empty ones are skipped.
-    error : type
-        The exception to raise for everything that is wrong.
-    """
+    """An open table: its header, and the requested columns; ``path`` is for messages."""
 
     def __init__(self, path: Path, rows: Iterator[list[str]], error: type[InputError]) -> None:
         self.path, self._rows, self._error = path, rows, error
@@ -61,13 +51,7 @@ class CsvTable:
         return next((self.names.index(name) for name in names if name in self.names), None)
 
     def rows(self, numbers: Sequence[int]) -> Iterator[tuple[list[float], list[str]]]:
-        """The numbers in the given columns and all fields, row by row.
-
-        Raises
-        ------
-        error
-            The number of fields differs from the header, or a field is not a finite number.
-        """
+        """The numbers in the given columns, which must be finite, and all fields, row by row."""
         for row_number, row in enumerate(self._rows, 1):
             where = f"{self.path}, row {row_number} after the header"
             if len(row) != len(self.names):
@@ -86,13 +70,7 @@ class CsvTable:
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), *, _max_values: int = MAX_VALUES
     ) -> tuple[NDArray[np.float64], list[list[str]]]:
-        """(rows, columns) of the numeric columns, and a list for each text column.
-
-        Raises
-        ------
-        error
-            As :meth:`rows`; also for a table without rows or with too many.
-        """
+        """(rows, columns) of the numeric columns, and a list for each text column; not empty."""
         values = array("d")
         columns: list[list[str]] = [[] for _ in texts]
         once: dict[str, str] = {}
@@ -136,23 +114,10 @@ def csv_text(rows: Iterable[Iterable[object]]) -> str:
 def open_table(
     path: Path, error: type[InputError], what: str, *, max_bytes: int
 ) -> Iterator[CsvTable]:
-    """Open a table for the duration of the block.
+    """Open a table of at most ``max_bytes`` for the duration of the block.
 
-    Parameters
-    ----------
-    path : Path
-        UTF-8 text with a header, with or without a byte order mark.
-    error : type
-        The exception to raise for everything that is wrong.
-    what : str
-        What the file should be, for messages: "a table of poses (CSV)".
-    max_bytes : int
-        Larger files are refused.
-
-    Raises
-    ------
-    error
-        The file cannot be read, is too large, is not such a table, or has a column twice.
+    It is UTF-8 text with a header, with or without a byte order mark. ``what`` says what the file
+    should be, for messages: "a table of poses (CSV)".
     """
     with open_input(path, error, what, max_bytes=max_bytes) as raw, as_unreadable(path, error):
         text = io.TextIOWrapper(raw, "utf-8-sig", newline="")
@@ -189,13 +154,7 @@ class GraphTables(NamedTuple):
 
 
 def read_table(path: Path) -> Table:
-    """The columns of a table: texts from a CSV file, values of any type from a Parquet file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or is not such a table.
-    """
+    """The columns of a table: texts from a CSV file, values of any type from a Parquet file."""
     if path.suffix.lower() in (".parquet", ".pq"):
         return _read_parquet(path)
     with open_table(path, InputError, "a table (CSV with a header)", max_bytes=MAX_BYTES) as table:
@@ -227,11 +186,6 @@ def read_graphml(path: Path, node: str, ends: tuple[str, str]) -> GraphTables:
     """A GraphML file as tables; an attribute that a node or an edge lacks is None.
 
     ``node`` and ``ends`` name the columns of node names and of the ends of edges.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not GraphML, or has no nodes.
     """
     import networkx as nx
 

@@ -18,13 +18,7 @@ from pgm_places.errors import InputError, quoted
 
 
 def user_path(path: Path | str, error: type[InputError]) -> Path:
-    """A path from a user, with ``~`` for the home folder.
-
-    Raises
-    ------
-    error
-        The user is unknown, the file name is invalid, or it is an address such as ``s3://...``.
-    """
+    """A path from a user, with ``~`` for the home folder; no address such as ``s3://...``."""
     if "\0" in str(path):
         raise error(f"{path}: not a valid file name")
     if is_address(path):
@@ -63,24 +57,10 @@ def open_input(
     max_bytes: int | None = None,
     pipes: bool = False,
 ) -> BufferedReader:
-    """Open an input file for reading.
+    """Open an input file for reading; refuses missing, unreadable and too large ones.
 
-    Parameters
-    ----------
-    path : Path
-    error : type
-        The exception to raise for everything that is wrong.
-    what : str
-        What the file should be, for messages: "regions (GeoJSON)".
-    max_bytes : int, optional
-        Larger files are refused.
-    pipes : bool
-        Whether pipes are allowed, for input that is read once and forwards.
-
-    Raises
-    ------
-    error
-        The file is missing, unreadable or too large, or is a folder, a device or a pipe.
+    ``what`` says what the file should be, for messages: "regions (GeoJSON)". Folders and devices
+    are refused, and pipes unless ``pipes``, for input that is read once and forwards.
     """
     try:
         # Checked before opening: opening a pipe without a writer blocks for ever.
@@ -111,13 +91,7 @@ def open_input(
 
 
 def sha256_of(path: Path | str) -> str:
-    """The SHA-256 of a file's bytes as 64 hexadecimal digits.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read.
-    """
+    """The SHA-256 of a file's bytes as 64 hexadecimal digits."""
     what = "an input of the run, to take its fingerprint"
     with open_input(Path(path), InputError, what) as file, as_unreadable(path, InputError):
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -136,7 +110,7 @@ _PIECE = 1 << 16
 
 
 def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> bytes:
-    """The bytes of a file; parameters and errors as for :func:`read_text`."""
+    """The bytes of a file; parameters as of :func:`open_input`."""
     with open_input(path, error, what, max_bytes=max_bytes) as file, as_unreadable(path, error):
         # At most the size of the file: read() allocates the requested size.
         data = file.read(min(os.fstat(file.fileno()).st_size, max_bytes) + 1)
@@ -148,23 +122,7 @@ def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int
 
 
 def read_text(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> str:
-    """The text of a file in UTF-8, without a byte order mark.
-
-    Parameters
-    ----------
-    path : Path
-    error : type
-        The exception to raise for everything that is wrong.
-    what : str
-        What the file should be, for messages: "regions (GeoJSON)".
-    max_bytes : int
-        Larger files are refused.
-
-    Raises
-    ------
-    error
-        The file is missing, no regular file, unreadable, too large or not UTF-8.
-    """
+    """The text of a file in UTF-8, without byte order mark; parameters as of :func:`open_input`."""
     try:
         return read_bytes(path, error, what, max_bytes=max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -176,13 +134,7 @@ _MOST_DIGITS = 18
 
 
 def read_json(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> Any:
-    """The content of a JSON file; parameters as of :func:`~pgm_places.io.input_file.read_text`.
-
-    Raises
-    ------
-    error
-        The file cannot be read, is too large, or is refused by :func:`parsed_json`.
-    """
+    """The content of a JSON file; parameters as of :func:`open_input`."""
     return parsed_json(read_text(path, error, what, max_bytes=max_bytes), path, error)
 
 
@@ -192,11 +144,7 @@ def read_record(
 ) -> Iterator[dict[str, Any]]:
     """The record in a JSON file of this package; errors in the block name the file.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, has another format or schema, or its content makes the block fail;
-        the message ends with ``remedy``, the advice.
+    Messages end with ``remedy``, the advice.
     """
     record = read_json(path, InputError, what, max_bytes=max_bytes)
     if not isinstance(record, dict) or record.get("format") != form:
@@ -213,14 +161,7 @@ def read_record(
 
 
 def parsed_json(text: str, path: Path, error: type[InputError]) -> object:
-    """The content of a JSON text; the path is for messages.
-
-    Raises
-    ------
-    error
-        It is not JSON, is nested too deeply, or has a number that is NaN, infinite, or an integer
-        of more than 18 digits.
-    """
+    """The content of a JSON text, with finite numbers and integers of up to 18 digits only."""
     try:
         return json.loads(
             text, parse_int=_integer, parse_float=_finite, parse_constant=_refuse_constant
@@ -261,22 +202,9 @@ _DEEP_KEY = re.compile(rf"(?:{_KEY}[ \t]*+\.[ \t]*+){{{MAX_KEYS}}}")
 
 
 def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, object]:
-    """The content of a TOML file.
+    """The content of a TOML file of at most 128 KiB; ``what`` as of :func:`open_input`.
 
-    Parameters
-    ----------
-    path : Path
-        The file; UTF-8, with or without a byte order mark.
-    error : type
-        The exception to raise for everything that is wrong.
-    what : str
-        What the file should be, for messages: "a configuration (TOML)".
-
-    Raises
-    ------
-    error
-        The file cannot be read, is larger than 128 KiB, is not TOML, is nested too deeply, or has
-        a key of more than 200 characters or an integer of more than 64 bits.
+    Keys have at most 200 characters and 8 parts, integers at most 64 bits.
     """
     text = read_text(path, error, what, max_bytes=MAX_BYTES)
     deep = _DEEP_KEY.search(text)

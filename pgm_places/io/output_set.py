@@ -21,17 +21,7 @@ _MAX_BYTES = 16 << 20
 
 @dataclass
 class OutputSet:
-    """Files of a run that are staged for a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        The destination.
-    stage : Path
-        The staging folder: write the files here, with the same names.
-    written : list of Path
-        The files in the destination, after the block.
-    """
+    """Files of a run that are written to ``stage`` for a folder; ``written`` after the block."""
 
     folder: Path
     stage: Path
@@ -77,17 +67,9 @@ def output_set(
     shared : bool
         The folder may be the user's own: only files in the way are refused.
     replaces : iterable of str
-        Files of any command of this package that the new ones replace: they are removed unless
-        they were changed.
+        Files of any command of this package that are removed unless they were changed.
     keeps_owners : bool
-        Files of other commands stay recorded as theirs, and files of an earlier set of the same
-        command stay.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be written, or holds files but none of this package, or a file in the way
-        is the user's own or was changed.
+        Files of other commands stay recorded as theirs, and an earlier set of this command stays.
     """
     shown = Path(folder)
     _refuse_address(shown)
@@ -131,11 +113,6 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
     """Mark a folder as one of this package with a record, empty if new; returns the folder.
 
     For results that arrive over hours, and for the state from which a run resumes.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be written, or holds files but none of this package.
     """
     shown = Path(folder)
     _refuse_address(shown)

@@ -58,16 +58,9 @@ def shown_path(path: Path) -> str:
 
 @dataclass(frozen=True, eq=False)
 class RemoteFolder:
-    """A folder or a file at a remote address.
+    """A folder or a file at a remote address, ``path`` within the fsspec file system ``system``.
 
-    Parameters
-    ----------
-    address : str
-    system : fsspec.AbstractFileSystem
-    path : str
-        The path within the file system.
-    is_patient : bool
-        Whether requests that a busy server refuses are retried.
+    If it is patient, requests that a busy server refuses are retried.
     """
 
     address: str
@@ -77,14 +70,7 @@ class RemoteFolder:
 
     @classmethod
     def at(cls, path: Path | str, error: type[PgmPlacesError] = InputError) -> Self:
-        """The folder or file at an address.
-
-        Raises
-        ------
-        error
-            It is no address, fsspec or its package for this protocol is not installed, or the
-            protocol is unknown.
-        """
+        """The folder or file at an address; ``error`` if its protocol is unknown or missing."""
         address = address_of(path)
         if not is_address(address) or find_spec("fsspec") is None:
             raise error(

@@ -28,16 +28,7 @@ _FALSE = {"n", "no", "false", "off"}
 class YamlFile:
     """The top-level mapping of a YAML file, with typed access and errors that name the key.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    values : mapping
-        Keys to texts, lists and mappings of texts.
-    error : type
-        The exception that wrong content raises.
-    keys : sequence of str
-        The known keys, from which messages suggest similar ones.
+    ``keys`` are the known keys, from which messages suggest similar ones.
     """
 
     def __init__(
@@ -119,22 +110,8 @@ def read_yaml(
 ) -> YamlFile:
     """Read a YAML file whose top level is a mapping; no types are guessed, no tags resolved.
 
-    Parameters
-    ----------
-    path : Path
-        The file; UTF-8.
-    error : type
-        The exception to raise for everything that is wrong.
-    what : str
-        What the file should be, for messages: "map description", "label names".
-    keys : sequence of str
-        The known keys, for messages about a missing one.
-
-    Raises
-    ------
-    error
-        The file is missing, unreadable, longer than 256 KiB, not YAML, nested deeper than 16
-        levels, uses anchors or aliases, names a key twice, or is not a mapping at its top level.
+    ``what`` says what the file should be, for messages: "map description". Refused are files of
+    more than 256 KiB, more than 16 levels, anchors, aliases, and keys that appear twice.
     """
     text = read_text(path, error, f"the {what} (YAML)", max_bytes=MAX_BYTES)
     import yaml

@@ -93,14 +93,9 @@ def _factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
 
 
 def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
-    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``.
+    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``, at least 1.
 
     The simplest fraction within a thousandth, so that 0.02 m to 0.05 m is 5/2.
-
-    Raises
-    ------
-    MapError
-        The factor is less than 1, or no number.
     """
     if np.isfinite(resolution_m) and resolution_m > grid.resolution_m:
         check_resolution(resolution_m)
@@ -320,17 +315,7 @@ class Coarsening:
     def behind(cls, layout: GridLayout, grid: OccupancyGrid) -> Self:
         """The coarsening between a map and the layout of its labelled nodes.
 
-        Parameters
-        ----------
-        layout : GridLayout
-            The labelled cells, of ``grid`` or of its coarsened version.
-        grid : OccupancyGrid
-            The map.
-
-        Raises
-        ------
-        MapError
-            The layout is of another map, or has another shape and no source map.
+        The layout is of ``grid`` or of its coarsened version; another one is a MapError.
         """
         if isinstance(layout.source, OccupancyGrid):
             return cls(grid, layout.source)

@@ -55,16 +55,7 @@ class Components:
     def on_cells(
         self, values: ArrayLike, fill: Any, *, out: NDArray[Any] | None = None
     ) -> NDArray[Any]:
-        """(H, W) the value of each cell's piece, ``fill`` for cells without one.
-
-        Parameters
-        ----------
-        values : (R,) array
-            One per piece; the result has their type.
-        fill : number
-        out : (H, W) array, optional
-            Receives the result; may be ``piece`` itself.
-        """
+        """(H, W) the value of each cell's piece (R,), or ``fill``; ``out`` may be ``piece``."""
         array = np.asarray(values)
         table = np.append(array, array.dtype.type(fill))  # index -1 is the last entry
         painted = np.empty(self.piece.shape, table.dtype) if out is None else out

@@ -29,13 +29,7 @@ UNKNOWN = -1
 
 
 def check_resolution(resolution_m: float) -> None:
-    """Refuse an implausible cell size.
-
-    Raises
-    ------
-    MapError
-        It is not between a micrometre and a kilometre.
-    """
+    """Refuse a cell size that is not between a micrometre and a kilometre."""
     low, high = _RESOLUTIONS_M
     if not low <= resolution_m <= high:
         raise MapError(

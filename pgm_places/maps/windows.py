@@ -22,15 +22,7 @@ WORTH = 0.75
 
 @dataclass(frozen=True)
 class KnownWindow:
-    """Rows and columns of a map.
-
-    Parameters
-    ----------
-    rows, columns : slice
-        Rows and columns of the map's raster.
-    shape : (int, int)
-        Shape of the map.
-    """
+    """Rows and columns of a map, whose shape is ``shape``."""
 
     rows: slice
     columns: slice
@@ -107,20 +99,12 @@ def window_mask(
     Parameters
     ----------
     grid : OccupancyGrid
-        The map.
     columns : (start, stop), optional
         Image columns from the left, ``start <= column < stop``; None leaves a side open.
     rows : (start, stop), optional
-        Image rows from the *top*, as an image editor counts them, ``start <= row < stop``. Row 0 of
-        the image is the last row of the mask, as of the grid.
+        Image rows from the *top*, as an image editor counts them.
     x_m, y_m : (low, high), optional
-        Metres in the map frame, ``low <= centre of the cell < high``; they may reach beyond the
-        map.
-
-    Raises
-    ------
-    MapError
-        A range is empty or reaches outside the image's columns or rows, or no cell remains.
+        Metres in the map frame, ``low <= centre of the cell < high``.
 
     Examples
     --------

@@ -35,13 +35,7 @@ _PLAIN = (bool, int, float, str, type(None))
 
 
 def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
-    """A fitted estimator as plain data; its arrays are added to ``arrays`` under the prefix.
-
-    Raises
-    ------
-    OutputError
-        Its class is not in ``ESTIMATORS``, or a parameter is not a plain value.
-    """
+    """A fitted estimator as plain data; its arrays are added to ``arrays`` under the prefix."""
     name = type(estimator).__name__
     if ESTIMATORS.get(name) is None or type(estimator) is not _class(name):
         raise OutputError(
@@ -66,13 +60,7 @@ def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
 
 
 def load_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
-    """The fitted estimator of :func:`dump_estimator`.
-
-    Raises
-    ------
-    ModelFileError
-        The class is unsupported, or the record does not fit this version of it.
-    """
+    """The fitted estimator of :func:`dump_estimator`."""
     if record["class"] == "Pipeline":
         steps = [
             (label, load_estimator(arrays, f"{prefix}/{label}", inner))
@@ -93,13 +81,7 @@ def load_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> An
 
 
 def unfitted_estimator(record: Mapping[str, Any]) -> Any:
-    """The unfitted estimator of a record.
-
-    Raises
-    ------
-    ModelFileError
-        The class or a parameter is unknown to this version.
-    """
+    """The unfitted estimator of a record; unknown classes and parameters are refused."""
     name = record["class"]
     if name not in ESTIMATORS:
         raise ModelFileError(f"a classifier {name!r} cannot be loaded; known: {list(ESTIMATORS)}")

@@ -15,15 +15,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 
 class LabelledMapFolder(NamedTuple):
-    """A labelled map, read from its folder.
-
-    Parameters
-    ----------
-    prior : MapPrior
-        Label probabilities at positions.
-    places : TopologicalMap
-        Places at positions.
-    """
+    """A labelled map, read from its folder: label probabilities and places at positions."""
 
     prior: MapPrior
     places: TopologicalMap
@@ -32,20 +24,8 @@ class LabelledMapFolder(NamedTuple):
 def read_labelled_map(folder: Path | str, label_names: Sequence[str]) -> LabelledMapFolder:
     """The labels, probabilities and places in a folder written by ``pgm-places label``.
 
-    Without probabilities, the labels of the places are used.
-
-    Parameters
-    ----------
-    folder : Path
-    label_names : sequence of K str
-        The labels, in the order of beliefs.
-
-    Raises
-    ------
-    InputError
-        A file is missing or damaged.
-    LabelError
-        The map has other labels, or an image of another size.
+    Without probabilities, the labels of the places are used. ``label_names`` (K) is the order of
+    beliefs; a map with other labels is a LabelError.
     """
     place = user_path(folder, LabelError)
     places = load_topology(place)

@@ -41,21 +41,8 @@ def put_below(arrays: Arrays, prefix: str, parts: Mapping[str, NDArray[Any]]) ->
 def save_folder(path: Path | str, manifest: Mapping[str, Any], arrays: Arrays) -> Path:
     """Write a model folder atomically; an existing model is replaced.
 
-    Parameters
-    ----------
-    path : Path
-        The folder. It must be absent, empty, or itself a model.
-    manifest : mapping
-        JSON data with a text ``kind``, the kind of model.
-    arrays : dict of str to array
-        Booleans, integers and floats of any shape, without NaN.
-
-    Raises
-    ------
-    ModelFileError
-        The content cannot be stored.
-    OutputError
-        The folder cannot be written, or is not a model.
+    The manifest is JSON data with a text ``kind``. Arrays are booleans, integers and floats of any
+    shape, without NaN.
     """
     from safetensors.numpy import save
 
@@ -94,14 +81,7 @@ def _json_lines(value: Any, levels: int) -> str:
 
 
 def load_folder(path: Path | str) -> tuple[dict[str, Any], Arrays]:
-    """The manifest and the arrays (read-only) of a model folder.
-
-    Raises
-    ------
-    ModelFileError
-        The folder is missing or not a model, a file is missing, damaged or was changed, or an array
-        holds NaN.
-    """
+    """The manifest and the arrays (read-only) of a model folder, checked for damage and changes."""
     folder = user_path(path, ModelFileError)
     kind = file_kind(folder)
     if kind != "folder":
@@ -148,13 +128,7 @@ def is_model(path: Path | str) -> bool:
 
 
 def check_target(path: Path | str) -> None:
-    """Check before a long computation that ``save_folder`` can write to a path.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be written, or is not a model.
-    """
+    """Check before a long computation that ``save_folder`` can write to a path."""
     check_folder_target(path, replaces=is_model)
 
 

@@ -34,19 +34,8 @@ KINDS = tuple(USES)
 class Stored:
     """The content of a model folder.
 
-    Parameters
-    ----------
-    kind : str
-        One of ``KINDS``.
-    item : labeler or backend
-    label_names : tuple of str
-        The labels that were learned.
-    record : mapping
-        How it was trained, unchanged since it was saved.
-    rules : TopologyOptions
-        The options of topological maps in the record; the paper's by default.
-    entered : EnteredOptions
-        The options of unreachable space in the record, or the defaults.
+    ``record`` says how the model was trained, unchanged since it was saved. ``rules`` and
+    ``entered`` are its options of topological maps and of unreachable space, or the defaults.
     """
 
     kind: str
@@ -125,13 +114,7 @@ def load(folder: Path | str) -> Any:
 
 
 def read(folder: Path | str, *kinds: str) -> Stored:
-    """The content of a model folder with its training record, if it is one of ``kinds``.
-
-    Raises
-    ------
-    ModelFileError
-        See :func:`load`; or the folder holds another kind.
-    """
+    """The content of a model folder with its training record, if it is one of ``kinds``."""
     manifest, arrays = load_folder(folder)
     kind = manifest.get("kind")
     wanted = kinds or KINDS

@@ -22,15 +22,8 @@ LONGEST_STROKE_M = 1.5
 class PathLayout:
     """The steps of a drive painted along its path, as wide as a narrow robot.
 
-    The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for steps: later steps are
-    painted over earlier ones, and walls and unknown space are not painted.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        The map, in the frame of the positions.
-    positions_m : (T, 2) float
-        Position of the robot at each step, in metres.
+    The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for steps at positions (T, 2) in
+    metres: later steps are painted over earlier ones; walls and unknown space are not painted.
 
     Examples
     --------

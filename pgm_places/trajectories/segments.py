@@ -73,13 +73,7 @@ def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:
 
 
 class DistanceTrigger:
-    """Tests at each step whether the robot is far enough from the start of the last segment.
-
-    Parameters
-    ----------
-    every_m : float
-        Distance in metres; 0 makes every step a segment.
-    """
+    """Tests at each step whether the robot is ``every_m`` from the start of the last segment."""
 
     def __init__(self, every_m: float) -> None:
         require_at_least("every_m", every_m, 0, "metres")
@@ -102,14 +96,9 @@ class DistanceTrigger:
 
 
 class PathSegments:
-    """The segments of a whole trajectory.
+    """The segments of a whole trajectory, from poses (T, 2) or (T, 3) in metres.
 
-    Parameters
-    ----------
-    poses : (T, 2) or (T, 3) float
-        Where the robot was at each step, in metres.
-    every_m : float
-        A segment ends before the first step at this distance from its own first step.
+    A segment ends before the first step at the distance ``every_m`` from its own first step.
 
     Examples
     --------

@@ -37,19 +37,9 @@ def zstd_module() -> Any:
 
 
 def unpacked(compression: str, data: bytes, *, _most: int = MAX_CHUNK_BYTES) -> bytes:
-    """The unpacked data of a chunk: at most 256 MiB.
+    """The data of a chunk that is compressed with "bz2", "lz4" or "zstd": at most 256 MiB.
 
-    Parameters
-    ----------
-    compression : {"bz2", "lz4", "zstd"}
-    data : bytes
-
-    Raises
-    ------
-    LogError
-        The unpacked data are larger, or the packed data are truncated.
-    OSError, RuntimeError, ZstdError
-        The data are damaged.
+    Raises LogError if they are larger or truncated, and the library's exceptions if damaged.
     """
     pieces: list[bytes] = []
     size = 0
@@ -107,17 +97,10 @@ def _decompressor(compression: str) -> Any:
 
 @contextmanager
 def plain_storage(folder: Path) -> Iterator[list[Path]]:
-    """The files in the folder of a ROS 2 bag, decompressed if needed.
+    """The files in the folder of a ROS 2 bag, decompressed if needed, within limits of size.
 
     ``rosbags`` gets these instead of the folder, because it parses ``metadata.yaml`` without a time
     limit. The files repeat all other content of ``metadata.yaml``, such as the topics.
-
-    Raises
-    ------
-    LogError
-        ``metadata.yaml`` is not plain YAML of at most 256 KiB, or names no files, a file twice or a
-        missing file; a file unpacks to more than 16 MiB plus a thousand times its size, or to more
-        than fits on the disk; messages are compressed individually.
     """
     metadata = read_yaml(folder / "metadata.yaml", LogError, "metadata of a ROS 2 bag")
     content = metadata.values.get("rosbag2_bagfile_information")
@@ -188,13 +171,6 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     """An open ``rosbags.highlevel.AnyReader``; all errors of the bag are LogErrors.
 
     Messages are deserialised with the bag's own definitions, else with those of ROS 2.
-
-    Raises
-    ------
-    LogError
-        The bag is missing, or damage appears while the block reads it.
-    InputError
-        ``rosbags`` is not installed.
     """
     highlevel = needed("rosbags.highlevel", extra="bags", purpose="reading ROS bags")
     typesys = needed("rosbags.typesys", extra="bags", purpose="reading ROS bags")
@@ -235,8 +211,7 @@ def open_bag(path: Path | str) -> Iterator[Any]:
 def _without_qos() -> Iterator[None]:
     """Skip the publishers' quality of service, which is not needed here.
 
-    It is YAML inside the bag, and a few kilobytes of malicious brackets occupy the Python parser
-    of ``rosbags`` for minutes.
+    A few kilobytes of malicious YAML in it occupy the parser of ``rosbags`` for minutes.
     """
     modules: list[Any] = [
         importlib.import_module(f"rosbags.rosbag2.storage_{kind}") for kind in ("mcap", "sqlite3")

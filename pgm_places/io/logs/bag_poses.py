@@ -16,18 +16,10 @@ Lookup = Literal["interpolated", "nearest"]
 
 @dataclass(frozen=True)
 class PoseTrack:
-    """The planar pose of one coordinate frame in another over time.
+    """The planar poses (P, 3) of one coordinate frame in another over increasing times (P,) in s.
 
-    Parameters
-    ----------
-    times_s : (P,) float
-        Increasing; a single entry for a static frame.
-    poses : (P, 3) float
-        x, y, and the heading of the frame's x axis.
-    mirrored : bool
-        Whether the frame is upside down, so that its y axis points to the right of its x axis.
-    is_static : bool
-        Whether it holds at all times.
+    A ``mirrored`` frame is upside down: its y axis points to the right of its x axis. A static one
+    has a single entry, which holds at all times.
     """
 
     times_s: NDArray[np.float64]
@@ -77,13 +69,7 @@ class PoseTrack:
 
 
 class FrameTree:
-    """The tree of coordinate frames from ``/tf`` and ``/tf_static``.
-
-    Parameters
-    ----------
-    tracks : mapping of (parent, child) to PoseTrack
-        The pose of each child in its parent.
-    """
+    """The tree of frames from ``/tf`` and ``/tf_static``: a track for each (parent, child)."""
 
     def __init__(self, tracks: dict[tuple[str, str], PoseTrack]) -> None:
         self.tracks = tracks
@@ -153,13 +139,7 @@ def planar(position: Any, orientation: Any) -> tuple[float, float, float, bool]:
 
 
 def check_place(place: tuple[float, float, float, bool], parent: str, child: str) -> None:
-    """Refuse a transform with impossible numbers.
-
-    Raises
-    ------
-    LogError
-        A number is not finite, or a coordinate is beyond 10^7 m.
-    """
+    """Refuse a transform with numbers that are not finite or beyond 10^7 m."""
     x, y, heading, _ = place
     if not max(abs(x), abs(y), abs(heading)) <= FARTHEST_M or np.isnan([x, y, heading]).any():
         raise LogError(
@@ -185,18 +165,9 @@ Place = tuple[float, float, float, bool]
 
 
 class SoughtPose(NamedTuple):
-    """The result of a pose look-up: the pose, or the reason why it is missing.
+    """The result of a pose look-up: the pose (3,), or the problem that prevents it.
 
-    Parameters
-    ----------
-    pose : (3,) float or None
-        x, y in metres and heading in radians.
-    mirrored : bool
-        Whether the frame is upside down.
-    may_come : bool
-        Whether a later transform may make the pose available.
-    problem : str
-        The reason for a missing pose.
+    ``may_come`` tells whether a later transform may make the pose available.
     """
 
     pose: NDArray[np.float64] | None
@@ -278,17 +249,7 @@ class FrameBuffer:
     def add(
         self, parent: str, child: str, time_s: float, place: Place, *, is_static: bool = False
     ) -> None:
-        """Add a transform: the pose of ``child`` in ``parent`` at a time.
-
-        Parameters
-        ----------
-        parent, child : str
-        time_s : float
-        place : (x, y, heading, mirrored)
-            As returned by :func:`~pgm_places.io.logs.bag_poses.planar`.
-        is_static : bool
-            Whether it holds at all times.
-        """
+        """Add the pose of ``child`` in ``parent`` at a time, as returned by :func:`planar`."""
         parent, child = parent.lstrip("/"), child.lstrip("/")
         edge = self._edges.get(child)
         if edge is None or edge.parent != parent or edge.is_static != is_static:

@@ -24,12 +24,8 @@ from pgm_places.trajectories.trajectory import Trajectory
 class ScanMessages:
     """Converts ``sensor_msgs/LaserScan`` to scans; scans with equal beams share a geometry.
 
-    Parameters
-    ----------
-    source : str
-        The origin of the messages, for errors.
-    range_max_m : float, optional
-        Readings of at least this mean no return; by default the messages' ``range_max``.
+    ``source`` names the origin of the messages in errors. Readings of at least ``range_max_m`` mean
+    no return; by default the messages' ``range_max``.
     """
 
     def __init__(self, source: str, range_max_m: float | None = None) -> None:
@@ -41,18 +37,7 @@ class ScanMessages:
     ) -> Scan:
         """The scan of a message, with the laser's pose (3,).
 
-        Parameters
-        ----------
-        message : LaserScan
-        time_s : float
-        pose : (3,) float
-        mirrored : bool
-            The laser is mounted upside down: its beams point to the other side.
-
-        Raises
-        ------
-        LogError
-            The message lacks beams, range limits, or beam directions.
+        The beams of a ``mirrored`` laser, mounted upside down, point to the other side.
         """
         geometry = self._geometry(message, mirrored)
         ranges = geometry.cleaned(message.ranges)
@@ -114,16 +99,7 @@ map_saver."""
 
 
 class MapMessage(NamedTuple):
-    """An occupancy grid message.
-
-    Parameters
-    ----------
-    time_s : float
-        Its stamp.
-    frame : str
-        The coordinate frame of its origin.
-    grid : OccupancyGrid
-    """
+    """An occupancy grid message: its stamp, the frame of its origin, and the map."""
 
     time_s: float
     frame: str
@@ -135,11 +111,6 @@ def grid_of_message(message: Any) -> OccupancyGrid:
 
     Cells of up to 25 % are free, of 65 % and more occupied, all others unknown. In a map without
     walls, unknown cells next to free ones count as walls, as in ``load_map``.
-
-    Raises
-    ------
-    MapError
-        The number of cells is not width times height, or the resolution or origin is invalid.
     """
     info, data = message.info, np.asarray(message.data, np.int8)
     if info.width * info.height != len(data):
@@ -161,16 +132,7 @@ def grid_of_message(message: Any) -> OccupancyGrid:
 def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessage]:
     """The maps of a bag in the order of recording; none for a log that is not a bag.
 
-    Parameters
-    ----------
-    path : path
-    topic : str
-        The topic of the maps; the default also accepts the bag's only topic of maps.
-
-    Raises
-    ------
-    LogError
-        The bag is damaged, or holds no maps on the topic but on several others.
+    The default topic also accepts the bag's only topic of maps.
     """
     if not is_bag(path):
         return

@@ -33,18 +33,7 @@ class LogLines:
     """The lines of a file or a pipe, plain or gzip by its first bytes, not by its name.
 
     If the compressed data are truncated or damaged, the lines before that point are yielded, and
-    :attr:`damage` then holds the reason.
-
-    Parameters
-    ----------
-    path : path
-        An existing file, or a pipe.
-
-    Raises
-    ------
-    LogError
-        On iteration: the file cannot be opened or read, is larger than 4 GiB unpacked, or has a
-        line of more than 4 MiB.
+    :attr:`damage` then holds the reason. At most 4 GiB unpacked, and 4 MiB a line.
     """
 
     def __init__(self, path: Path | str, *, _max_bytes: int = MAX_BYTES) -> None:
@@ -93,12 +82,8 @@ def follow_lines(
     is_over : callable
         Called at each end of the data; true ends the lines.
 
-    A last line without a newline is yielded once the data are certain to end.
-
-    Raises
-    ------
-    LogError
-        A line has more than 4 MiB.
+    A last line without a newline is yielded once the data are certain to end. A line of more than
+    4 MiB is a LogError.
     """
     part = bytearray()
     while True:
@@ -121,18 +106,6 @@ def follow_files(path: Path, *, poll_s: float = 0.2) -> Iterator[Iterator[bytes]
 
     A log may be truncated and restarted, or moved away and replaced (as logrotate does). The rest
     of the old file is yielded first, then the new one from its beginning.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file.
-    poll_s
-        As of :func:`follow_lines`.
-
-    Raises
-    ------
-    LogError
-        The file cannot be opened or read, or a line has more than 4 MiB.
     """
     while True:
         with open_input(path, LogError, "a log") as stream:
@@ -220,12 +193,6 @@ class ScanColumns:
     """The scans of a log as columns per geometry, a tenth of the memory of a list of scans.
 
     Readers share one geometry object between scans with the same beams.
-
-    Parameters
-    ----------
-    path : Path
-        The log, for messages.
-    most_scans : int
     """
 
     def __init__(self, path: Path, most_scans: int = MAX_SCANS) -> None:
@@ -234,13 +201,7 @@ class ScanColumns:
         self._kinds: dict[int, _Kind] = {}
 
     def add(self, scan: Scan) -> None:
-        """Add a scan.
-
-        Raises
-        ------
-        LogError
-            The log has too many scans, or too many kinds of beams.
-        """
+        """Add a scan; too many scans, readings or kinds of beams are a LogError."""
         kind = self._kinds.setdefault(id(scan.geometry), _Kind(scan.geometry))
         kind.times_s.append(scan.time_s)
         kind.poses.frombytes(scan.pose.tobytes())

@@ -105,19 +105,9 @@ class _Columns(NamedTuple):
 
 
 def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, NDArray[Any]]]:
-    """The time and the pose (3,) of each row of a pose table, as its lines arrive.
+    """The time and the pose (3,) of each row of a pose table, as its lines arrive, header first.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    lines : iterable of bytes
-        From the header on; see :func:`~pgm_places.io.logs.log_files.follow_files`.
-
-    Raises
-    ------
-    LogError
-        As :func:`read_pose_csv`, at the offending row.
+    Errors as of :func:`read_pose_csv`, at the offending row.
     """
     table = CsvTable(path, _fields(path, lines), LogError)
     columns = _Columns.of(table)
@@ -194,11 +184,6 @@ def write_pose_csv(path: Path | str, trajectory: Trajectory) -> Path:
 
     Columns ``t_s, x_m, y_m, heading_rad`` and, if it has labels, ``label``; numbers are written so
     that they are read back bit for bit.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written; no partial file remains.
     """
     columns: list[list[object]] = [trajectory.times_s.tolist()]
     columns += [column.tolist() for column in trajectory.poses.T]
@@ -220,24 +205,8 @@ def with_truth(
 ) -> Trajectory:
     """The trajectory with true places from a table with a row for each step.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    path : Path
-        A table as :func:`pgm_places.io.logs.pose_csv.read_pose_csv` reads it.
-    label_names : sequence of str
-        The labels.
-    label_column : str, optional
-        The column of places, if it has another name.
-    classes : mapping of str to str, optional
-        From the table's names to label names; other names become unknown places.
-
-    Raises
-    ------
-    LogError
-        The column is missing, or the number of rows is not the number of steps.
-    LabelError
-        Without ``classes``: a place that is not among the labels.
+    ``classes`` maps the table's names to label names, and other names to unknown places; without
+    it, a place that is not among the labels is a LabelError.
     """
     names = None if classes is not None else label_names
     table = read_pose_csv(path, label_column=label_column, label_names=names).trajectory
@@ -256,10 +225,7 @@ def with_truth(
 def translated(
     trajectory: Trajectory, label_names: Sequence[str], classes: Mapping[str, str] | None
 ) -> Trajectory:
-    """The trajectory with its places renamed by ``classes``, or unchanged without it.
-
-    Places that are not among the labels become unknown.
-    """
+    """The trajectory with its places renamed by ``classes``; unknown if not among the labels."""
     own = trajectory.label_names or ()
     chosen = {name: name for name in own if name in label_names} if classes is None else classes
     return trajectory.relabelled(

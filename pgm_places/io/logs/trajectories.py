@@ -100,13 +100,7 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
 
 
 def check_name(path: Path | str) -> None:
-    """Refuse a name whose ending is not a trajectory format.
-
-    Raises
-    ------
-    InputError
-        The ending is unknown.
-    """
+    """Refuse a name whose ending is not a trajectory format."""
     path = Path(path)
     if not _is_carmen(path) and path.suffix.lower() not in ("", ".csv", ".bag", ".mcap"):
         raise InputError(

@@ -40,19 +40,9 @@ _FEWEST, _LEAST_COVERED = 20, 0.2
 class Orientation:
     """How well the labels of an image fit the free cells of its map, as it is and turned.
 
-    Parameters
-    ----------
-    on_free : float
-        Share of the labelled pixels that lie on free cells.
-    best : float
-        The largest such share over all turned and flipped images.
-    what, remedy : str
-        How the image deviates from its best orientation, and how to correct it; empty if it is
-        best as it is.
-    is_wrong : bool
-        Whether the image certainly has a wrong orientation.
-    is_doubtful : bool
-        Whether the orientation may be wrong, or the image may belong to another map.
+    ``on_free`` is the share of labelled pixels on free cells, ``best`` the largest such share over
+    all turned and flipped images. ``what`` and ``remedy`` say how the image deviates from its best
+    orientation and how to correct it; empty if it is best as it is.
     """
 
     on_free: float

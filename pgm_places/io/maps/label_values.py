@@ -61,14 +61,7 @@ def default_values(label_names: Sequence[str]) -> dict[str, int]:
 def read_label_values(
     image_path: Path, label_names: Sequence[str], names_path: Path | str | None = None
 ) -> LabelValues:
-    """The grey values of ``label_names`` from the names file of a label image.
-
-    Raises
-    ------
-    LabelError
-        The file is missing or damaged, a value is used twice, or the names in the file and
-        ``label_names`` differ.
-    """
+    """The grey values of ``label_names``, which the names file must list exactly."""
     file = read_yaml(_names_file(image_path, names_path), LabelError, "label names")
     unknown_keys = sorted(set(file.values) - {"values", "ignore"})
     if unknown_keys:
@@ -97,13 +90,7 @@ def read_label_values(
 
 
 def listed_names(image_path: Path | str, names_path: Path | str | None = None) -> tuple[str, ...]:
-    """The labels that the names file of a label image lists, in the order of their values.
-
-    Raises
-    ------
-    LabelError
-        The file is missing or damaged.
-    """
+    """The labels that the names file of a label image lists, in the order of their values."""
     path = user_path(image_path, LabelError)
     file = read_yaml(_names_file(path, names_path), LabelError, "label names")
     values = _values(file)
@@ -167,10 +154,7 @@ _MOST_LISTED = 8
 
 
 def palette_of(values: Sequence[int]) -> NDArray[np.uint8]:
-    """(256, 3) the palette of an indexed label image: the lowest value has the first colour.
-
-    Values of no label are black.
-    """
+    """(256, 3) palette of a label image: the lowest value has the first colour, none is black."""
     palette = np.zeros((256, 3), np.uint8)
     for k, value in enumerate(sorted(values)):
         palette[value] = _colour(k)
@@ -181,12 +165,7 @@ def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
     """Whether an indexed image is read by its colours rather than by its indices.
 
     Colours count if all of them are greys, or if an editor has renumbered the palette of a label
-    image. Otherwise the indices count.
-
-    Raises
-    ------
-    LabelError
-        Both are possible, with different labels.
+    image. Otherwise the indices count. A LabelError if both are possible, with different labels.
     """
     used = np.zeros(256, np.bool_)
     for strip in image.strips(indices=True):
@@ -212,13 +191,7 @@ def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
 
 
 def values_of_colours(strip: Strip, values: LabelValues, image: RasterImage) -> NDArray[np.uint8]:
-    """(h, w) the value of each pixel's colour; a grey is its own value.
-
-    Raises
-    ------
-    LabelError
-        A pixel that is not transparent has another colour.
-    """
+    """(h, w) the value of each pixel's colour, a grey's own value; refuses other opaque colours."""
     channels = strip.channels
     stored = channels[:, :, 0].copy()
     if channels.shape[2] == 1:

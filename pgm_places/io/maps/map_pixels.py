@@ -34,17 +34,9 @@ def grey_of(channels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 class PixelRules:
     """The keys of a map description that define the meaning of its pixels.
 
-    Parameters
-    ----------
-    mode : {"trinary", "scale", "raw"}
-        ``trinary``: occupied, free or unknown by the thresholds. ``scale``: as trinary, but the
-        values between the thresholds become 1 to 99. ``raw``: the grey value is the occupancy.
-    negate : bool
-        Black is free and white is occupied.
-    free_thresh, occupied_thresh : float
-        Thresholds on the probability that the cell is occupied.
-    compat : {"nav2", "ros1"}
-        The rules of current Nav2 or of ROS 1.
+    Mode ``trinary``: occupied, free or unknown by the thresholds on the probability of an occupied
+    cell; ``scale``: as trinary, but values between the thresholds become 1 to 99; ``raw``: the grey
+    value is the occupancy. With ``negate``, black is free. ``compat``: current Nav2 or ROS 1.
     """
 
     mode: Mode
@@ -178,24 +170,11 @@ class Fractions(NamedTuple):
 
 @dataclass
 class MapPixels:
-    """The decoded cells in grid order, with counts of grey values.
+    """The decoded cells (H, W) in grid order, with counts (256,) of opaque pixels of each grey.
 
-    Parameters
-    ----------
-    cells : (H, W) int8
-        Free, occupied or unknown; row 0 is the bottom of the image.
-    occupancy : (H, W) int8 or None
-        As map_server would publish it; None where that is ``cells``.
-    grey_counts : (256,) int64
-        Opaque pixels of each grey value.
-    rules : PixelRules
-        The rules of the conversion.
-    unknown_value : int, "none" or None
-        The grey that was read as unknown regardless of thresholds; 205 if detected.
-    is_meant : bool
-        Whether grey 205 was read as unknown because of the image alone.
-    is_lossy : bool
-        Whether the image's compression changes greys.
+    ``occupancy`` is what map_server would publish; None where that is ``cells``. ``unknown_value``
+    is the grey read as unknown regardless of thresholds; ``is_meant`` if the image alone decided
+    it.
     """
 
     cells: NDArray[np.int8]

@@ -65,21 +65,7 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
     """Change thresholds or the image's name in a map's YAML file; returns the backup's path.
 
     All else, comments included, stays the same. The backup is the original file, with ``.orig``
-    appended to its name.
-
-    Parameters
-    ----------
-    path : Path
-        The YAML file.
-    corrections : mapping of str to float or str
-        The new values of ``free_thresh``, ``occupied_thresh`` and ``image``.
-
-    Raises
-    ------
-    MapError
-        The file is no map description, or a key does not have its own line.
-    OutputError
-        An ``.orig`` exists already, or a file cannot be written.
+    appended to its name; an existing one is not overwritten.
     """
     yaml_path, what = user_path(path, MapError), "the map description (YAML)"
     file = read_yaml(yaml_path, MapError, "map description")
@@ -406,13 +392,7 @@ def _quoted(name: str) -> str:
 
 
 def as_grid(value: Any) -> OccupancyGrid | None:
-    """The grid of a loaded map file, a labelled map, or a map's path; None for other values.
-
-    Raises
-    ------
-    MapError
-        As :func:`load_map`, for a path.
-    """
+    """The grid of a loaded map file, a labelled map, or a map's path; None for other values."""
     held = getattr(value, "grid", None)
     if isinstance(held, OccupancyGrid):
         return held

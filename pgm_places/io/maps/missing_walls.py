@@ -36,11 +36,7 @@ _LIGHTEST = 0.05
 def wall_share(cells: NDArray[np.int8], resolution_m: float) -> float:
     """Share of the border of free space within 0.15 m of an occupied cell; 1 for a short border.
 
-    Parameters
-    ----------
-    cells : (H, W) int8
-        Free, occupied and unknown. The edge of the raster counts as a wall.
-    resolution_m : float
+    The edge of the raster counts as a wall.
     """
     n_border, n_near = 0, 0
     cells = _around_free(cells, resolution_m)
@@ -67,17 +63,7 @@ def wall_threshold(
     """The grey of walls that were read as unknown, and an ``occupied_thresh`` that includes them.
 
     Walls are the greys near free space that are more probably occupied than the most frequent grey
-    of unknown cells. None without such greys.
-
-    Parameters
-    ----------
-    image : RasterImage
-        Row 0 is the top.
-    rules : PixelRules
-        The rules that gave ``cells``.
-    cells : (H, W) int8
-        Row 0 is the bottom.
-    resolution_m : float
+    of unknown cells. None without such greys. ``rules`` gave ``cells`` (H, W).
     """
     height = cells.shape[0]
     every, beside = np.zeros(256, np.int64), np.zeros(256, np.int64)

@@ -71,16 +71,8 @@ class Strip(NamedTuple):
 class RasterImage:
     """An open image with a checked size; ``strips`` decodes it from top to bottom.
 
-    Parameters
-    ----------
-    path : Path
-    shape : (int, int)
-    is_indexed : bool
-        Whether pixels are indices into a palette.
-    is_lossy : bool
-        Whether the compression changes values.
-    is_deep : bool
-        Whether grey values have more than 8 bits in the file.
+    Pixels of an indexed image are indices into a palette; the compression of a lossy one changes
+    values; a deep one has more than 8 bits of grey in the file.
     """
 
     path: Path
@@ -152,23 +144,8 @@ def open_image(
 ) -> Iterator[RasterImage]:
     """An image whose header was checked against ``max_pixels`` and the file's length.
 
-    Parameters
-    ----------
-    path : Path
-        A PNG, PGM, PBM, PPM, BMP or TIFF file, or a JPEG with ``lossy``, by its first bytes, not
-        by its name.
-    error : type
-        The exception to raise for everything that is wrong.
-    max_pixels : int
-        Largest allowed width x height.
-    lossy : bool
-        Whether JPEGs are allowed, whose compression changes values.
-
-    Raises
-    ------
-    error
-        The file is missing, of another format, larger than allowed, or too short for the size in
-        its header.
+    The format is that of the first bytes, not of the name: PNG, PGM, PBM, PPM, BMP, TIFF, or JPEG
+    if ``lossy``.
     """
     with open_input(path, error, _wanted(lossy)) as file:
         image = _opened(path, file, error, _wanted(lossy))

@@ -20,16 +20,9 @@ Ring: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LabelPolygons:
-    """A feature of the file.
+    """A feature of a file: its position, the value that names its class, and its polygons.
 
-    Parameters
-    ----------
-    index : int
-        Its position in the file, from 0.
-    code : str
-        The value of the property that names its class.
-    polygons : tuple of tuples of (n, 2) arrays
-        Rings in map metres, each closed (last point = first): the outline first, then the holes.
+    Rings are (n, 2) in map metres, each closed (last point = first): the outline, then the holes.
     """
 
     index: int

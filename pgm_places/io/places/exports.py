@@ -75,25 +75,10 @@ if __name__ == "__main__":
 def coverage_goals(topology: TopologicalMap, robot_radius_m: float) -> dict[str, Any]:
     """The goal of opennav_coverage's ``NavigateCompleteCoverage`` for each place.
 
-    The first polygon is the outline of the largest part of the place in which a disc of the
-    robot's radius touches nothing but other places; the others are obstacles in it. All points are
-    at least the radius from obstacles. Rings are closed, as Fields2Cover wants them.
-
-    Parameters
-    ----------
-    topology : TopologicalMap
-    robot_radius_m : float
-
-    Returns
-    -------
-    dict
-        ``places``: by name, ``frame_id`` and ``polygons``, lists of [x, y] in metres.
-        ``left_out``: names of places too small for the robot; doorways are in neither.
-
-    Raises
-    ------
-    InputError
-        The robot fits into no place.
+    ``places`` by name: ``frame_id`` and ``polygons``, lists of [x, y] in metres. The first polygon
+    is the outline of the largest part of the place in which a disc of the robot's radius touches
+    nothing but other places; the others are obstacles in it. Rings are closed, as Fields2Cover
+    wants them. ``left_out``: names of places too small for the robot; doorways are in neither.
     """
     grid = topology.grid
     clear = squared_clearance(topology.region == 0)
@@ -139,22 +124,8 @@ def lif_layout(
 ) -> dict[str, Any]:
     """A LIF with one layout: nodes and edges of the route graph, places as stations.
 
-    Edges go in both directions. A station interacts at the node of its place. Numbers are metres
-    of the map frame. Source: *LIF - Layout Interchange Format*, VDMA, version 1.0.0 (2024).
-
-    Parameters
-    ----------
-    topology : TopologicalMap
-    routes : RouteGraph
-    name : str
-        Name of the project and of the layout.
-    exported : datetime, optional
-        Now by default.
-
-    Raises
-    ------
-    InputError
-        The route graph has no edge.
+    Edges go in both directions. A station interacts at the node of its place. Numbers are metres of
+    the map frame. Source: *LIF - Layout Interchange Format*, VDMA, version 1.0.0 (2024).
     """
     if not routes.edges:
         raise InputError(
@@ -309,10 +280,7 @@ def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
 
 
 def write_node_link(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write ``topology.graph`` as node-link JSON, for networkx and d3; returns the path.
-
-    The lists are named ``nodes`` and ``edges``.
-    """
+    """Write ``topology.graph`` as node-link JSON, for networkx and d3; returns the path."""
     graph = topology.graph
     content = {
         "directed": False,

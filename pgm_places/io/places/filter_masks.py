@@ -108,19 +108,9 @@ MOST = 100
 def mask_values(
     topology: TopologicalMap, values: Mapping[str, int] | None = None
 ) -> NDArray[np.uint8]:
-    """(H, W) value of the mask at each cell, 0 without a value.
+    """(H, W) value of the mask at each cell, from 0, without a value, to 100.
 
-    Parameters
-    ----------
-    topology : TopologicalMap
-    values : mapping of str to int, optional
-        A value from 0 to 100 by name of place or class; a place's value overrides its class's. By
-        default each class has its number, from 1.
-
-    Raises
-    ------
-    InputError
-        A name is neither a place nor a class, or a value is out of range.
+    A place's value overrides its class's. By default each class has its number, from 1.
     """
     values = _named(topology, values)
     for name, value in values.items():

@@ -144,8 +144,8 @@ def check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
 def _route_server(graph: Path, speeds_m_s: Mapping[str, float]) -> dict[str, Any]:
     """Parameters of the Route Server: routes are compared by time if there are speed limits.
 
-    The operation AdjustSpeedLimit is left out: at every edge without its own percentage it lifts
-    the limit, on the topic of the speed filter.
+    Without AdjustSpeedLimit: at every edge without its own percentage it lifts the limit, on the
+    topic of the speed filter.
     """
     scorer = "TimeScorer" if speeds_m_s else "DistanceScorer"
     values: dict[str, Any] = {"plugin": f"nav2_route::{scorer}"}
@@ -175,10 +175,7 @@ def _merge(into: dict[str, Any], parameters: Mapping[str, Any]) -> None:
 
 
 def _poses(topology: TopologicalMap, routes: RouteGraph) -> dict[str, Any]:
-    """A pose for each place that the robot can and may reach, by name.
-
-    For a graph without edges: a pose for each place that it fits into, without node ids.
-    """
+    """A pose by name for each place that the robot may reach; without edges, in which it fits."""
     points = {
         node.region: node.point_m
         for node in routes.nodes

@@ -30,25 +30,14 @@ Feature = dict[str, Any]
 
 @dataclass(frozen=True)
 class EarlierIds:
-    """The ids of an earlier export.
-
-    Parameters
-    ----------
-    nodes : dict
-        Positions (x, y) in metres of the nodes without a place, by id.
-    edges : dict
-        Id of each directed edge by the ids of its ends.
-    """
+    """Ids of an earlier export: of nodes without a place, and of edges by the ids of their ends."""
 
     nodes: dict[int, tuple[float, float]] = field(default_factory=dict)
     edges: dict[tuple[int, int], int] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path | None) -> "EarlierIds":
-        """The ids in a GeoJSON file of an earlier export; none without a file.
-
-        A damaged or foreign file gives a warning, and all ids are new.
-        """
+        """The ids in a GeoJSON file of an earlier export; none, and a warning, if it is damaged."""
         if path is None or not path.is_file():
             return cls()
         try:
@@ -251,9 +240,6 @@ def write_nav2_route(
     speeds_m_s: Mapping[str, float] | None = None,
     earlier: Path | None = None,
 ) -> Path:
-    """Write the graph for Nav2's Route Server; returns the path.
-
-    Nodes and edges keep the ids of an existing file.
-    """
+    """Write the graph for Nav2's Route Server; nodes and edges keep the ids of ``earlier``."""
     known = EarlierIds.read(earlier)
     return write_json(path, route_features(topology, routes, speeds_m_s=speeds_m_s, earlier=known))

@@ -24,15 +24,7 @@ _INK = (0.1, 0.1, 0.1)
 
 @dataclass(frozen=True)
 class ROS:
-    """Messages of one ROS distribution, by the names of their types.
-
-    Parameters
-    ----------
-    types : mapping of str to type
-        Message classes, as a type store of ``rosbags`` has them.
-    frame : str
-        The coordinate frame of all messages.
-    """
+    """Messages of one ROS distribution, by the names of their types, in one coordinate frame."""
 
     types: Mapping[str, Any]
     frame: str
@@ -110,10 +102,7 @@ class ROS:
 
 
 def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
-    """A MarkerArray: ``areas``, ``outlines`` and ``names`` by id of place, and the ``paths``.
-
-    Doorways that are gates have their rectangles as ``gates``.
-    """
+    """A MarkerArray: areas, outlines, names and gates by id of place, and paths."""
     names = topology.label_names
     colours = {
         name: (rgb_of(colour) / 255).tolist()

@@ -29,13 +29,7 @@ _text = partial(check_option, "a name", str)
 
 
 def write_session(path: Path | str, memory: PlaceIds) -> Path:
-    """Write a table of place ids, replacing an existing file atomically; returns the path.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
+    """Write a table of place ids, replacing an existing file atomically; returns the path."""
     raster = memory.raster
     record = {
         "format": FORMAT,
@@ -66,13 +60,7 @@ def write_session(path: Path | str, memory: PlaceIds) -> Path:
 
 
 def read_session(path: Path | str) -> PlaceIds:
-    """Read the table of :func:`write_session`; an empty one if the file does not exist.
-
-    Raises
-    ------
-    InputError
-        The file is no session, or damaged.
-    """
+    """Read the table of :func:`write_session`; an empty one if the file does not exist."""
     source, memory = user_path(path, InputError), PlaceIds()
     if not source.exists():
         return memory

@@ -30,14 +30,7 @@ _SETTINGS = "the settings of places, as 'pgm-places label' and 'pgm-places topol
 
 @dataclass(frozen=True, eq=False)
 class PlaceSettings:
-    """The rules and gates from which places were made.
-
-    Parameters
-    ----------
-    rules : TopologyOptions
-    doorways : Doorways or None
-        The gates that were accepted as doorways; None if doorways came from labels.
-    """
+    """The rules and gates from which places were made; None if doorways came from labels."""
 
     rules: TopologyOptions
     doorways: Doorways | None = None
@@ -64,11 +57,6 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
 
     ``details/settings.json`` holds the rules and the gates. With gates, ``details/gate_places.png``
     holds the place between gates at each cell (16 bits, from 1, 0 for none, the top row first).
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written, or there are more than 65535 places between gates.
     """
     record: dict[str, Any] = {
         "format": SETTINGS_FORMAT,
@@ -94,13 +82,7 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
 
 
 def load_settings(folder: Path) -> PlaceSettings | None:
-    """The settings in a folder; None if it has none.
-
-    Raises
-    ------
-    InputError
-        A file is damaged, or the files do not fit each other.
-    """
+    """The settings in a folder; None if it has none."""
     path = settings_path(folder)
     if not path.exists():
         return None

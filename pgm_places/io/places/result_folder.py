@@ -72,19 +72,8 @@ MAX_BYTES = 1 << 20
 class ExportRequest:
     """The parameters of an export of places, as in ``pgm-places export``.
 
-    Parameters
-    ----------
-    to : str
-        The format.
-    values : tuple of str
-        ``NAME=NUMBER``.
-    robot_radius_m : float or None
-    keep_out : tuple of str
-        Classes and places that the robot must not enter.
-    map_yaml : str or None
-        The map; None for the labelled one.
-    out : str or None
-        The output folder; None for the folder of the places.
+    ``values`` are ``NAME=NUMBER``; ``keep_out`` names classes and places that the robot must not
+    enter; without ``map_yaml`` the labelled map, without ``out`` the folder of the places.
     """
 
     to: str
@@ -115,8 +104,7 @@ class ExportRequest:
 def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest]) -> None:
     """Write the record of exports, by which ``rename`` repeats them.
 
-    A request replaces an earlier one of the same format and output folder in the ``folder`` of the
-    places.
+    A request replaces an earlier one of the same format and output folder.
     """
     new = {(request.to, request.out) for request in requests}
     others = (
@@ -130,13 +118,7 @@ def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest])
 
 
 def recorded_exports(folder: Path) -> list[ExportRequest]:
-    """The recorded exports of a folder's places, the newest per format and output folder.
-
-    Raises
-    ------
-    InputError
-        The record is damaged.
-    """
+    """The recorded exports of a folder's places, the newest per format and output folder."""
     path = folder / EXPORTS_FILE
     if not path.exists():
         return []

@@ -66,13 +66,7 @@ class Raster:
         return OccupancyGrid(cells, self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
     def read_numbers(self, path: Path, *, max_pixels: int = MAX_PIXELS) -> NDArray[np.int32]:
-        """(H, W) the numbers in an image of this raster, row 0 at the bottom.
-
-        Raises
-        ------
-        InputError
-            The image is damaged, or has another size or format.
-        """
+        """(H, W) the numbers in a 16-bit image of this raster, row 0 at the bottom."""
         shape = (self.rows, self.columns)
         with open_image(path, InputError, max_pixels=max_pixels) as image:
             if image.shape != shape or not image.is_deep:
@@ -83,26 +77,14 @@ class Raster:
 
 
 def write_numbers(path: Path, numbers: NDArray[np.integer]) -> Path:
-    """Write numbers (H, W) from 0 to 65535, row 0 at the bottom; returns the path.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
+    """Write numbers (H, W) from 0 to 65535, row 0 at the bottom; returns the path."""
     from PIL import Image
 
     return write_bytes(path, raster_png(Image.fromarray(numbers[::-1].astype(np.uint16))))
 
 
 def read_shares(path: Path, shape: tuple[int, ...], error: type[InputError]) -> NDArray[np.integer]:
-    """(H, W) the greys of an image of probabilities, row 0 at the bottom.
-
-    Raises
-    ------
-    error
-        The image is damaged, or its shape is not the map's.
-    """
+    """(H, W) the greys of an image of probabilities of the map's shape, row 0 at the bottom."""
     with open_image(path, error) as image:
         shares = image.stored()
         if shares.shape != shape or image.is_indexed or image.is_deep:
@@ -119,18 +101,6 @@ def load_probabilities(
     """(N, K) probability of each label at the nodes of a map; None if a label has no image.
 
     The images hold multiples of 1/255, which are normalised to sum to one.
-
-    Parameters
-    ----------
-    folder : Path
-    label_names : sequence of str
-    layout : GridLayout
-        The free cells of the map.
-
-    Raises
-    ------
-    InputError
-        An image is damaged, or its size is not the map's.
     """
     columns = [_share_of(folder, name, layout) for name in label_names]
     if any(column is None for column in columns):
@@ -229,13 +199,7 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
 
 
 def load_named_topology(folder: Path | str) -> TopologicalMap:
-    """The map of :func:`load_topology`, with the current names in ``place_names.yaml``.
-
-    Raises
-    ------
-    InputError
-        As ``load_topology``; also if two places would have the same name.
-    """
+    """The map of :func:`load_topology`, with the current names in ``place_names.yaml``."""
     return renamed(load_topology(folder), read_own_names(folder))
 
 
@@ -307,13 +271,6 @@ def write_own_name(folder: Path | str, number: int, name: str, *, into: Path | N
     """Write a user's name for an id into ``place_names.yaml``; other lines stay as they are.
 
     The file is in ``folder``; with ``into``, a changed copy is written to that folder instead.
-
-    Raises
-    ------
-    LabelError
-        The file is damaged, or the name is empty.
-    OutputError
-        It cannot be written.
     """
     path = Path(folder) / NAMES_FILE
     (name,) = plain_names(f"{path}: names of places", [name])
@@ -329,13 +286,7 @@ def write_own_name(folder: Path | str, number: int, name: str, *, into: Path | N
 
 
 def read_own_names(folder: Path | str) -> dict[int, str]:
-    """The user's names in ``place_names.yaml``: lines such as ``3: kitchen``; none without a file.
-
-    Raises
-    ------
-    LabelError
-        A key is not an id, or a name is not text.
-    """
+    """The user's names in ``place_names.yaml``, lines such as ``3: kitchen``; may be missing."""
     path = Path(folder) / NAMES_FILE
     if not path.exists():
         return {}
@@ -379,11 +330,5 @@ def check_table(topology: TopologicalMap) -> str:
 
 
 def write_checks(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write the check table; returns the path.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
+    """Write the check table; returns the path."""
     return write_text(path, check_table(topology))
