@@ -19,6 +19,9 @@ RARE = 0.02
 # A rare label is missed by a unary that predicts it on less than this share of its nodes.
 OVERLOOKED = 0.5
 
+# Rows of probabilities sum to 1 within this.
+PROBABILITY_ROUNDING = 1e-3
+
 # Neighbours hardly change a node whose best label is a hundred times as probable as the second.
 SURE = np.log(100.0)
 
@@ -69,7 +72,9 @@ class ProblemDescription:
         if self.median_margin is not None:
             lines.append(f"unary: best label over second {self.median_margin:.2f} (median)")
         if self.collapse_weight is not None:
-            lines.append(f"Potts weights from about {self.collapse_weight:.2f} spread labels")
+            lines.append(
+                f"Potts weights above about {self.collapse_weight:.2f} let neighbours decide"
+            )
         return "\n".join([*lines, *(f"! {warning}" for warning in self.warnings)])
 
 
@@ -99,6 +104,7 @@ def describe(
         collapse_weight=None if margin is None or not mean_degree else margin / mean_degree,
         warnings=(
             *_about_labels(graph, truth, balance),
+            *_about_probabilities(unary),
             *_about_unary(margin),
             *_about_posteriors(label_names, truth, unary),
         ),
@@ -136,7 +142,7 @@ def _about_labels(
     missing = [name for name, share in balance.items() if share == 0]
     rare = [name for name, share in balance.items() if 0 < share < RARE]
     if missing:
-        lines.append(f"no node is labelled {_listed(missing)}: nothing can be learned of it")
+        lines.append(f"no node is labelled {_listed(missing)}: it cannot be learned")
     if rare:
         lines.append(
             f"{_listed(rare)}: under {100 * RARE:.0f} % of the labels; judge by balanced accuracy, "
@@ -154,14 +160,26 @@ def _about_labels(
     return lines
 
 
+def _about_probabilities(unary: NDArray[np.float64] | None) -> list[str]:
+    """A warning if every row of the unary is a distribution, so that its logarithm is missing."""
+    if unary is None or not unary.size or unary.min() < 0:
+        return []
+    if np.abs(unary.sum(axis=1) - 1).max() > PROBABILITY_ROUNDING:
+        return []
+    return [
+        "unary holds probabilities in place of their logarithms: use "
+        "LabelingProblem.from_probabilities"
+    ]
+
+
 def _about_unary(median: float | None) -> list[str]:
     if median is None:
         return []
     if median == 0:
-        return ["unary does not tell labels apart at most nodes: neighbours decide alone"]
+        return ["unary is equal for the best labels of most nodes: neighbours decide alone"]
     if median > SURE:
         return [
-            f"unary is very sure of itself (a factor of {np.exp(min(median, 700.0)):.0f} between "
+            f"unary is very confident (a factor of {np.exp(min(median, 700.0)):.0f} between "
             "the best labels of the median node): neighbours will change little; calibrate the "
             "classifier, or use held-out scores"
         ]

@@ -69,4 +69,15 @@ def test_a_description_counts_and_warns() -> None:
     sure = problem.with_unary(100 * unary).describe(half)
     assert "neighbours will change little" in sure.warnings[0]
     told = LabelingProblem(graph, ("a", "b"), known=half % 2).describe()
-    assert "does not tell labels apart" in str(told)
+    assert "unary is equal for the best labels" in str(told)
+
+
+def test_a_description_notices_probabilities_without_logarithm() -> None:
+    graph = LabelGraph.from_lattice((20,))
+    probabilities = np.random.default_rng(0).dirichlet(np.ones(3), size=20)
+    names = ("a", "b", "c")
+    wrong = LabelingProblem(graph, names, unary=probabilities).describe()
+    assert [warning.split(":")[0] for warning in wrong.warnings] == [
+        "unary holds probabilities in place of their logarithms"
+    ]
+    assert LabelingProblem.from_probabilities(graph, names, probabilities).describe().warnings == ()
