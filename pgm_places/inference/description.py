@@ -72,9 +72,7 @@ class ProblemDescription:
         if self.median_margin is not None:
             lines.append(f"unary: best label over second {self.median_margin:.2f} (median)")
         if self.collapse_weight is not None:
-            lines.append(
-                f"Potts weights above about {self.collapse_weight:.2f} let neighbours decide"
-            )
+            lines.append(f"neighbours decide at Potts weights above {self.collapse_weight:.2f}")
         return "\n".join([*lines, *(f"! {warning}" for warning in self.warnings)])
 
 

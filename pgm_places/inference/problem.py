@@ -235,7 +235,7 @@ class LabelingProblem:
         100 % of the nodes have a label
         of these: a 66.7 %, b 33.3 %
         unary: best label over second 0.50 (median)
-        Potts weights above about 0.38 let neighbours decide
+        neighbours decide at Potts weights above 0.38
         """
         truth = np.full(self.graph.n_nodes, -1) if self.known is None else self.known
         if labels is not None:
