@@ -24,8 +24,7 @@ from experiments.page_tables import SideBySide
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.kernels.threads import run_tasks, thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing._box import Box, NodeNumbers
-from pgm_places.sensing._cell_caster import CellCaster, Cells, blocked_window
+from pgm_places.sensing._cell_caster import Box, CellCaster, Cells, NodeNumbers, blocked_window
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.simulation import generate_building

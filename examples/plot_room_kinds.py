@@ -16,7 +16,7 @@ from sklearn.ensemble import RandomForestClassifier
 
 from pgm_places import LabelingProblem, StructuredLabeler, build
 from pgm_places.simulation import generate_building
-from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.doorways import match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import neighbour_graph, place_features, places_between
 from pgm_places.spaces.segmentation import Segmentation

@@ -13,7 +13,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Polygon
 
 from pgm_places.simulation import generate_building
-from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.doorways import match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation

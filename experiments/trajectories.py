@@ -22,7 +22,7 @@ from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
 from pgm_places.io.atomic import write_text
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 
 TABLES = ("methods", "graphs")
 FOLDER = Path(__file__).parent / "drives"

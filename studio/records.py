@@ -14,8 +14,7 @@ from pgm_places.teaching.explanation import explain_cell
 from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.reasons import FeatureVote
 from pgm_places.topology.checks import PlaceCheck
-from pgm_places.topology.geojson import gate_record
-from pgm_places.topology.topological_map import TopologicalMap
+from pgm_places.topology.topological_map import TopologicalMap, gate_record
 
 MOST_CHECKS = 200
 LEAST_M2 = 0.05

@@ -20,8 +20,7 @@ from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.cuts import Line
-from pgm_places.topology.naming import name_places
-from pgm_places.topology.place_ids import PlaceIds
+from pgm_places.topology.place_ids import PlaceIds, name_places
 
 
 @dataclass(frozen=True, eq=False)

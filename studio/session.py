@@ -35,10 +35,10 @@ from pgm_places.studio.relabelling import (
 from pgm_places.studio.runs import Window, runs_of_mask, runs_over
 from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.paint import Paint
+from pgm_places.topology.checks import SplitCandidate, split_candidates
 from pgm_places.topology.cuts import cut_along, place_along, runs_between
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
-from pgm_places.topology.split_candidates import SplitCandidate, split_candidates
 
 Coordinate = Annotated[float, Ge(-(10**9)), Le(10**9)]
 Point = tuple[Coordinate, Coordinate]

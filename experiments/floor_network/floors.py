@@ -15,7 +15,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress
 from pgm_places.simulation import MapSimulation, generate_building, simulate_map
-from pgm_places.spaces.door_truth import true_doors
+from pgm_places.spaces.doorways import true_doors
 from pgm_places.training.labelled_raster import labelled_raster
 
 N_FOLDS = 4

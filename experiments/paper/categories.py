@@ -15,6 +15,7 @@ from experiments.paper.furnished_floors import DETECTORS, Floor, make_floor
 from experiments.paper.scored_steps import ALONE, MODES, ScoredSteps, scored_modes, step_labeler
 from experiments.paper.section import Outcome, Picture, Table
 from experiments.paper.setting import AS_PRINTED, WAYS, Setting
+from pgm_places.features.object_counts import PAPER_OBJECTS
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
@@ -26,7 +27,6 @@ from pgm_places.report.track_page import belief_plot
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.options import ClassifierOptions
-from pgm_places.vision.object_counts import PAPER_OBJECTS
 
 PLACES = ("corridor", "room", "doorway")
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from experiments.paper.placement import place_objects
 from experiments.paper.simulated_detector import SimulatedDetector
+from pgm_places.features.object_counts import PAPER_OBJECTS
 from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.labelled_map import LabelledMap
@@ -17,7 +18,6 @@ from pgm_places.simulation import generate_building
 from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.vision.object_counts import PAPER_OBJECTS
 
 NAMES = ("corridor", "doorway", "office", "kitchen", "seminar room", "laboratory")
 CORRIDOR, DOORWAY, OFFICE, KITCHEN, SEMINAR, LABORATORY = range(6)

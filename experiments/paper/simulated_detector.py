@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen_copy, integer_array
+from pgm_places.features.object_counts import N_IMAGES
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import (
     AtLeastZero,
@@ -18,7 +19,6 @@ from pgm_places.options import (
 )
 from pgm_places.options.marks import Gt, Le
 from pgm_places.sensing.ray_casting import cast_poses
-from pgm_places.vision.object_counts import N_IMAGES
 
 DEPTH_M = 0.3
 """Objects stand on desks and in cupboards: what is mapped so close before them hides nothing."""

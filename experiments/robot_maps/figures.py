@@ -14,7 +14,7 @@ from experiments.robot_maps.sources import Found
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.spaces.door_truth import DoorMatch, DoorScores, match_gates, match_painted
+from pgm_places.spaces.doorways import DoorMatch, DoorScores, match_gates, match_painted
 
 _LEAST_SPACE_M2 = 2.0
 _CUT = (0.1, 0.9)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from experiments.known_maps import DOORWAY, KnownMap
 from experiments.robot_maps.sources import Found
 from pgm_places.maps.components import connected_components
-from pgm_places.spaces.door_truth import match_gates
+from pgm_places.spaces.doorways import match_gates
 
 EDGES = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 _LEAST_PLACE_M2, _LEAST_JUDGED = 1.0, 0.5

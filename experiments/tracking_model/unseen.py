@@ -14,7 +14,8 @@ from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table,
 from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of_79
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.labelers.trajectory_labeler import METHOD as HMM
-from pgm_places.unary.floor_model import FloorModel, with_local_floor
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_features import with_local_floor
 
 WAYS = {
     "filter": (HMM, "filter"),

@@ -121,8 +121,8 @@ def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | Non
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
     """A line per possible split."""
+    from pgm_places.topology.checks import propose_splits
     from pgm_places.topology.cuts import line_width_m
-    from pgm_places.topology.split_candidates import propose_splits
 
     lines = []
     for split in propose_splits(topology, narrower_than_m):

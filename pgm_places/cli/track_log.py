@@ -15,6 +15,7 @@ from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import make_progress, say, say_next, say_written
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
+from pgm_places.features.object_counts import ObjectCounts
 from pgm_places.io.logs.log_files import LoadedLog
 from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.io.logs.pose_csv import with_truth
@@ -36,7 +37,6 @@ from pgm_places.report.track_page import write_track
 from pgm_places.sensing.map_agreement import check_agreement
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.trained import DEFAULT, TRACKING, model_folder
-from pgm_places.vision.object_counts import ObjectCounts
 
 MOST_CHANGED = 0.01
 """Largest change of a transition probability by ``--every`` without a warning."""

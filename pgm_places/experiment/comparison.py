@@ -16,7 +16,7 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.significance import Significance, judge
 from pgm_places.inference.labeling import Labeling
 from pgm_places.plotting import Plotted, axes_or_new, data_frame
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

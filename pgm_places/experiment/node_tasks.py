@@ -43,7 +43,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.labelers import check_savable
 from pgm_places.persistence.model_folder import MANIFEST
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
 from pgm_places.trained import NAMES, model_folder, trained_labeler

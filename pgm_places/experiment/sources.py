@@ -12,6 +12,7 @@ from pgm_places.errors import ConfigError, LabelError, LogError
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph, load_graphs
 from pgm_places.experiment.source_config import WITHIN_S, DriveConfig, MapConfig, SourceConfig
+from pgm_places.features.object_counts import ObjectCounts
 from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.io.logs.pose_csv import translated, with_truth
 from pgm_places.io.logs.trajectories import read_trajectory
@@ -27,7 +28,6 @@ from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.simulation.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.teaching.paint import Paint
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.vision.object_counts import ObjectCounts
 
 
 def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:

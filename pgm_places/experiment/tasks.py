@@ -16,7 +16,7 @@ from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 
 AnyLabeler = PlaceLabeler | TrajectoryLabeler | JointLabeler | StructuredLabeler
 Labelers = Mapping[str, AnyLabeler]

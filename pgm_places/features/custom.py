@@ -111,10 +111,7 @@ def values_on_map(
 ) -> dict[int, NDArray[np.float32]]:
     """(N, D) values of each map feature with a requested column, by its index in ``own``.
 
-    Raises
-    ------
-    InputError
-        A feature returned another shape, or a value that is not finite.
+    InputError: A feature returned another shape, or a value that is not finite.
     """
     by_index = {}
     for place, (item, chosen) in enumerate(_wanted(own, columns)):
@@ -134,23 +131,11 @@ def feature_values(
 ) -> NDArray[np.float32]:
     """(n, F) columns of n scans, or of the n cells that they were simulated in.
 
-    Parameters
-    ----------
-    ranges_m : (n, M) float32
-        Scans all around.
-    own : sequence of features
-        From :func:`as_features`.
-    columns : (F,) int, optional
-        The requested columns, ascending; all by default. Only these are computed.
-    max_range_m : float
-        The sensor's reach.
-    from_map : mapping of int to (n, D) float32, optional
-        The result of :func:`values_on_map` for these n cells.
+    ``ranges_m`` (n, M): scans all around. ``own``: from :func:`as_features`. ``columns`` (F,): the
+    requested columns, ascending; all by default. Only these are computed. ``max_range_m``: the
+    sensor's reach. ``from_map``: the result of :func:`values_on_map` for these n cells.
 
-    Raises
-    ------
-    InputError
-        A feature returned another shape, or a value that is not finite.
+    InputError: A feature returned another shape, or a value that is not finite.
     """
     wanted = np.arange(n_columns(own)) if columns is None else columns
     laser = extract(ranges_m, max_range_m=max_range_m, columns=wanted[wanted < N_LASER])

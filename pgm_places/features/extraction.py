@@ -1,25 +1,126 @@
-"""The laser features of scans, computed for any choice of columns."""
+"""The laser features of scans for any choice of columns, after missing returns are filled."""
 
+import math
 import threading
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _core
+from pgm_places._checks import require_at_least
 from pgm_places.errors import InputError
-from pgm_places.features.beams import (
-    InvalidBeams,
-    check_invalid,
-    check_max_range,
-    check_ranges,
-    clean_beams,
-    resample_beams,
-)
-from pgm_places.features.kernel_plan import FeaturePlan, plan_features
-from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
+from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES, FeaturePlan, plan_features
 from pgm_places.kernels.threads import run_parts
+
+InvalidBeams = Literal["max-range", "interpolate"]
+
+JUMP_M = 0.5
+"""Neighbouring beams that differ by more end on different obstacles and are not interpolated."""
+
+MIN_BEAMS = 3
+
+
+def check_ranges(ranges: ArrayLike) -> NDArray[Any]:
+    """``ranges`` as an (N, M) array of float32 or float64 with at least three beams.
+
+    InputError: if ``ranges`` is not a matrix of real numbers or has fewer than three beams.
+    """
+    array = np.asarray(ranges)
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"ranges must be real numbers in metres, got dtype {array.dtype}")
+    if array.ndim != 2 or array.shape[1] < MIN_BEAMS:
+        raise InputError(
+            f"ranges must have shape (scans, beams) with at least {MIN_BEAMS} beams, "
+            f"got {array.shape}; pass a single scan as ranges[np.newaxis]"
+        )
+    if array.dtype in (np.float32, np.float64):
+        return array
+    return array.astype(np.float32 if array.dtype == np.float16 else np.float64)
+
+
+def check_max_range(max_range_m: float) -> float:
+    """``max_range_m`` if it is a positive finite number."""
+    if not (math.isfinite(max_range_m) and max_range_m > 0):
+        raise InputError(f"max_range_m must be a positive number of metres, got {max_range_m}")
+    return float(max_range_m)
+
+
+def clean_beams(
+    ranges: ArrayLike, *, max_range_m: float, invalid: InvalidBeams = "max-range"
+) -> NDArray[Any]:
+    """(N, M) ranges in which every beam lies in [0, ``max_range_m``].
+
+    A reading without a return is NaN, infinite, negative, or at least ``max_range_m``.
+
+    ``ranges`` (N, M): beam lengths in metres. ``max_range_m``: the sensor's maximum range.
+    ``invalid``: ``"max-range"`` makes such a beam ``max_range_m`` long; ``"interpolate"`` draws a
+    straight line, over the beam's number, between the nearest beams with a return on both sides. A
+    scan without any return becomes ``max_range_m`` everywhere.
+
+    InputError: if an argument does not fit.
+
+    Examples
+    --------
+    >>> clean_beams([[1.0, float("nan"), 3.0, 99.0]], max_range_m=30.0)
+    array([[ 1., 30.,  3., 30.]])
+    >>> clean_beams([[1.0, float("nan"), 3.0, 99.0]], max_range_m=30.0, invalid="interpolate")
+    array([[1., 2., 3., 2.]])
+    """
+    array = check_ranges(ranges)
+    limit = array.dtype.type(check_max_range(max_range_m))
+    check_invalid(invalid)
+    returned = (array >= 0) & (array < limit)
+    clean = np.where(returned, array, limit)
+    if invalid == "interpolate":
+        beams = np.arange(array.shape[1])
+        for scan in np.flatnonzero(returned.any(axis=1) & ~returned.all(axis=1)):
+            valid = returned[scan]
+            clean[scan, ~valid] = np.interp(
+                beams[~valid], beams[valid], array[scan, valid], period=array.shape[1]
+            )
+    return clean
+
+
+def check_invalid(invalid: str) -> None:
+    """Refuse an unknown way of treating beams without a return."""
+    if invalid not in get_args(InvalidBeams):
+        raise InputError(f"invalid must be one of {get_args(InvalidBeams)}, got {invalid!r}")
+
+
+def resample_beams(ranges: ArrayLike, n_beams: int) -> NDArray[Any]:
+    """(N, ``n_beams``) ranges of the scans at equally spaced angles, with the same first angle.
+
+    Fewer beams: the nearest beam is taken. More beams: linear interpolation over the angle, except
+    between neighbours more than 0.5 m apart, where the nearest beam is taken. Of two equally near
+    beams the shorter one counts, so that mirrored scans give mirrored results.
+
+    ``ranges`` (N, M): clean beam lengths in metres over the full circle. ``n_beams``: number of
+    beams wanted, at least three.
+
+    InputError: if an argument does not fit.
+
+    Examples
+    --------
+    >>> resample_beams([[1.0, 1.2, 4.0, 1.0]], 8)
+    array([[1. , 1.1, 1.2, 1.2, 4. , 1. , 1. , 1. ]])
+    """
+    array = check_ranges(ranges)
+    require_at_least("n_beams", n_beams, MIN_BEAMS)
+    n_given = array.shape[1]
+    if n_beams == n_given:
+        return array
+    low, remainder = np.divmod(np.arange(n_beams) * n_given, n_beams)
+    before, after = array[:, low], array[:, (low + 1) % n_given]
+    nearest = np.where(2 * remainder < n_beams, before, after)
+    nearest = np.where(2 * remainder == n_beams, np.minimum(before, after), nearest)
+    if n_beams < n_given:
+        return nearest
+    weight = (remainder / n_beams).astype(array.dtype)
+    line = before + weight * (after - before)
+    return np.where(np.abs(after - before) > JUMP_M, nearest, line)
+
 
 __all__ = ["ScanExtractor", "Workspace", "extract", "extract_one", "resample_beams"]
 
@@ -76,21 +177,13 @@ SCANS_PER_GROUP = TILES_PER_GROUP * LANES
 SCANS_PER_TASK = 2 * SCANS_PER_GROUP
 
 
-def _directions() -> NDArray[np.float64]:
-    angles = 2.0 * np.pi * (np.arange(TILE_ROWS) % N_BEAMS) / N_BEAMS
-    return np.column_stack([np.cos(angles), np.sin(angles)])
+ALL_COLUMNS = tuple(range(N_FEATURES))
 
+_ANGLES = 2.0 * np.pi * (np.arange(TILE_ROWS) % N_BEAMS) / N_BEAMS
+DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
-def _chords() -> NDArray[np.float64]:
-    """``4 sin(a / 2)^2`` for the angle ``a`` of 0, 1, 2, ... half beams, up to half a turn."""
-    return 4.0 * np.sin(np.pi * np.arange(N_BEAMS + 1) / (2.0 * N_BEAMS)) ** 2
-
-
-ALL_COLUMNS = tuple(range(len(LASER_FEATURES)))
-
-DIRECTIONS = _directions()
-
-CHORDS = _chords()
+CHORDS = 4.0 * np.sin(np.pi * np.arange(N_BEAMS + 1) / (2.0 * N_BEAMS)) ** 2
+"""``4 sin(a / 2)^2`` for the angle ``a`` of 0, 1, 2, ... half beams, up to half a turn."""
 
 
 def extract(
@@ -157,11 +250,9 @@ def extract(
             scans = clean_beams(scans, max_range_m=max_range_m, invalid=invalid)
             scans = resample_beams(scans, N_BEAMS)
         rows = result[part]
-        if rows.flags.c_contiguous:
-            _extract_part(np.ascontiguousarray(scans), limit, plan, space, rows)
-        else:
-            contiguous = np.empty(rows.shape, np.float32)
-            _extract_part(np.ascontiguousarray(scans), limit, plan, space, contiguous)
+        contiguous = rows if rows.flags.c_contiguous else np.empty(rows.shape, np.float32)
+        _extract_part(np.ascontiguousarray(scans), limit, plan, space, contiguous)
+        if contiguous is not rows:
             rows[:] = contiguous
         idle.append(space)
 
@@ -278,15 +369,14 @@ def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:
-    n_known = len(LASER_FEATURES)
     if columns is None:
         return ALL_COLUMNS
     chosen = np.asarray(columns)
     if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
         raise InputError(f"columns must be a sequence of column numbers, got {columns!r}")
     numbers = tuple(chosen.tolist())
-    if chosen.size and not (chosen.min() >= 0 and chosen.max() < n_known):
-        raise InputError(f"columns must lie in 0..{n_known - 1}, got {list(numbers)}")
+    if chosen.size and not (chosen.min() >= 0 and chosen.max() < N_FEATURES):
+        raise InputError(f"columns must lie in 0..{N_FEATURES - 1}, got {list(numbers)}")
     if len(set(numbers)) != len(numbers):
         raise InputError(f"columns must not repeat, got {list(numbers)}")
     return numbers

@@ -68,17 +68,17 @@ def forward(x: Any, net: Operations) -> Any:
     2015).
     """
     h = net.rectified(net.convolution(x, "stem"))
-    seen = [h]
+    skips = [h]
     for level in range(1, _LAST + 1):
         h = net.rectified(net.convolution(h, f"down{level}", stride=2))
         h = _residual(h, f"encode{level}", net)
-        seen.append(h)
+        skips.append(h)
     for name in _MIDDLE:
         h = _residual(h, name, net, dilation=2)
     for level in range(_LAST - 1, 0, -1):
-        h = net.enlarged(net.convolution(h, f"up{level}")) + seen.pop(level)
+        h = net.enlarged(net.convolution(h, f"up{level}")) + skips.pop(level)
         h = _residual(h, f"decode{level}", net)
-    h = net.rectified(net.enlarged(net.convolution(h, "up0")) + seen.pop(0))
+    h = net.rectified(net.enlarged(net.convolution(h, "up0")) + skips.pop(0))
     h = h + net.rectified(net.convolution(h, "decode0"))
     return net.convolution(h, "scores")
 

@@ -18,14 +18,9 @@ _LARGEST = 63
 
 @dataclass(frozen=True, eq=False)
 class FloorNetwork:
-    """A trained network.
+    """A trained network."""
 
-    Parameters
-    ----------
-    weights : mapping of str to float32 array
-        The parameters of :func:`~pgm_places.floor.architecture.parameters`.
-    """
-
+    # the parameters of :func:`~pgm_places.floor.architecture.parameters`
     weights: Mapping[str, Array] = field(repr=False)
 
     def __post_init__(self) -> None:
@@ -37,10 +32,8 @@ class FloorNetwork:
     def scores(self, inputs: Array) -> Array:
         """(h, w, 4) scores of the labels; a softmax makes probabilities of them.
 
-        Parameters
-        ----------
-        inputs : (h, w, 10) float32
-            From :func:`~pgm_places.floor.raster.network_inputs`; h and w multiples of 16.
+        ``inputs`` (h, w, 10): from :func:`~pgm_places.floor.raster.network_inputs`; h and w
+        multiples of 16.
         """
         logits: Array = forward(inputs, self)
         return logits
@@ -117,10 +110,7 @@ class FloorNetwork:
     def unpacked(cls, data: NDArray[np.generic]) -> "FloorNetwork":
         """The network from the bytes of :meth:`packed`.
 
-        Raises
-        ------
-        ModelFileError
-            The bytes are not those of a network of this shape.
+        ModelFileError: the bytes are not those of a network of this shape.
         """
         raw = np.ascontiguousarray(data).tobytes()
         n_others = sum(_n_others(name, shape) for name, shape in parameters())

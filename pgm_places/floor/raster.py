@@ -54,18 +54,10 @@ CELL_M = 0.1
 
 @dataclass(frozen=True, eq=False)
 class FloorRaster:
-    """A floor in cells of 0.1 m.
+    """A floor in cells of 0.1 m."""
 
-    Parameters
-    ----------
-    free : (h, w) uint8
-        Share of each cell that is free, 0 to 255.
-    occupied : (h, w) bool
-        Whether any part of the cell is occupied.
-    """
-
-    free: NDArray[np.uint8]
-    occupied: NDArray[np.bool_]
+    free: NDArray[np.uint8]  # (h, w) share of each cell that is free, 0 to 255
+    occupied: NDArray[np.bool_]  # (h, w) whether any part of the cell is occupied
 
     @classmethod
     def of(cls, grid: OccupancyGrid) -> "FloorRaster":

@@ -15,11 +15,9 @@ from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-_TILE, _MARGIN = 1024, 160
-"""Margin of a tile in cells of 0.1 m: the receptive field of its cells."""
+_TILE, _MARGIN = 1024, 160  # margin of a tile in cells of 0.1 m: the receptive field of its cells
 
-_FRAME = 16
-"""Cells of unknown space around a map."""
+_FRAME = 16  # cells of unknown space around a map
 
 _BLOCK = 2 * DEEPEST
 _CORRIDOR, _ROOM, _HALL = (LABELS.index(name) for name in ("corridor", "room", "hall"))
@@ -27,19 +25,10 @@ _CORRIDOR, _ROOM, _HALL = (LABELS.index(name) for name in ("corridor", "room", "
 
 @dataclass(frozen=True)
 class FloorView:
-    """The orientation of a map for a network: rotated, mirrored, shifted by half a network cell.
+    """The orientation of a map for a network: rotated, mirrored, shifted by half a network cell."""
 
-    Parameters
-    ----------
-    network : int
-        Index of the network.
-    quarters : int
-        Quarter turns.
-    mirrored, shifted : bool
-    """
-
-    network: int
-    quarters: int = 0
+    network: int  # index of the network
+    quarters: int = 0  # quarter turns
     mirrored: bool = False
     shifted: bool = False
 
@@ -60,22 +49,15 @@ def views_of(n_networks: int, per_network: int) -> tuple[FloorView, ...]:
 
 @dataclass(frozen=True, eq=False)
 class FloorScores:
-    """The scores of a map's cells.
+    """The scores of a map's cells."""
 
-    Parameters
-    ----------
-    log_p : (h, w, 4) float16
-        Log-probability of corridor, room, doorway, hall, in cells of 0.1 m: the mean over all
-        views, normalised.
-    spread : (h, w) float16
-        Standard deviation, over views, of the log-odds of circulation (corridor or hall) against
-        rooms.
-    rows, columns : (H,), (W,) int
-        The cell of 0.1 m that holds each row and column of the map.
-    """
-
+    # (h, w, 4) log-probability of corridor, room, doorway, hall, in cells of 0.1 m: the mean over
+    # all views, normalised
     log_p: NDArray[np.float16]
+    # (h, w) standard deviation, over views, of the log-odds of circulation (corridor or hall)
+    # against rooms
     spread: NDArray[np.float16]
+    # rows, columns: (H,) the cell of 0.1 m that holds each row and column of the map
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
 

@@ -31,15 +31,7 @@ class MappedPlanes:
     Converting one large array into another then takes no more memory than the larger of the two. On
     systems that cannot take pages back, ``release`` does nothing.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Number of planes, and length of each.
-    dtype : dtype
-
-    Attributes
-    ----------
-    array : array of ``shape``
+    ``shape``: number of planes, and length of each.
 
     Examples
     --------

@@ -15,8 +15,7 @@ from threading import Lock, Thread
 
 from pgm_places.errors import InputError
 
-_MOST = 1024
-"""The largest allowed number; the system would refuse more, in the middle of the work."""
+_MOST = 1024  # the largest allowed number; the system would refuse more, in the middle of the work
 
 
 _wanted: ContextVar[int | None] = ContextVar("wanted", default=None)
@@ -117,10 +116,6 @@ class ThreadTeam:
     """Threads for many rounds of tasks, since starting them costs more than a short round.
 
     The caller's thread is one of them.
-
-    Parameters
-    ----------
-    n_threads : int
     """
 
     def __init__(self, n_threads: int) -> None:

@@ -28,11 +28,11 @@ from pgm_places.options import Positive
 from pgm_places.progress import Progress, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import options
-from pgm_places.unary.choice import UnaryChoice
 from pgm_places.unary.feature_table import CachedFeatures, FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
+from pgm_places.unary.options import UnaryChoice
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does not need it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -57,7 +57,7 @@ class PlaceLabeler(Labeler):
         The methods by name.
     unary : {"auto", "laser", "context", "laser+space", "space", "floor"}
         Unary of methods with ``unary="auto"``: see :class:`PlaceMethod`. ``auto`` chooses by
-        balanced accuracy on held-out training cells (:mod:`pgm_places.unary.choice`).
+        balanced accuracy on held-out training cells (:mod:`pgm_places.unary.options`).
     sensor : Sensor
         The simulated range sensor.
     classifier : DecisionListClassifier, optional

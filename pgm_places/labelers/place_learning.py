@@ -28,8 +28,8 @@ from pgm_places.unary.feature_table import FeatureTables
 from pgm_places.unary.floor_model import columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.learning import Halls, LearnedUnary, UnaryLearner
-from pgm_places.unary.map_model import MIXED, CellScores, sees_spaces
-from pgm_places.unary.options import ClassifierOptions
+from pgm_places.unary.map_model import CellScores, sees_spaces
+from pgm_places.unary.options import MIXED, ClassifierOptions
 
 
 def confusion_counts(

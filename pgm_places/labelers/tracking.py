@@ -16,7 +16,8 @@ from pgm_places.sensing.local_map import LocalMap
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.segments import DistanceTrigger
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.floor_model import FloorModel, with_local_floor
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_features import with_local_floor
 from pgm_places.unary.scan_model import ScanModel, ScanObserver, ScanScorer
 
 

@@ -32,7 +32,8 @@ from pgm_places.sensing.simulated_moves import N_RUNS
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.floor_model import FloorModel, columns_of, with_local_floor
+from pgm_places.unary.floor_model import FloorModel, columns_of
+from pgm_places.unary.local_features import with_local_floor
 from pgm_places.unary.options import NumberOfFolds
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, observed_along
 

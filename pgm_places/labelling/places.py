@@ -10,7 +10,7 @@ from pgm_places.labelers.place_problem import DOORWAY_DEPTH_M
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import warn
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.cuts import Line
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.gate_pieces import grow

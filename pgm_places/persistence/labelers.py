@@ -23,10 +23,9 @@ from pgm_places.options.marks import Ge, Lt
 from pgm_places.persistence import model_parts as parts
 from pgm_places.persistence.model_folder import Arrays, below, put_below
 from pgm_places.spaces.space_spec import EARLIER_SPACE_FEATURES, GATE_FEATURES, space_features_hash
-from pgm_places.unary.choice import UnaryChoice
-from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES
+from pgm_places.unary.local_features import N_LOCAL_SPACE_FEATURES
 from pgm_places.unary.map_model import EVEN, UnaryModel
-from pgm_places.unary.options import SpaceOptions
+from pgm_places.unary.options import SpaceOptions, UnaryChoice
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 

@@ -11,9 +11,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches, tinted
 from pgm_places.pictures.page import data_uri, render
 from pgm_places.pictures.topology_pictures import PALE, count_line, marked_checks, places_drawing
-from pgm_places.topology.checks import doubtful_share
+from pgm_places.topology.checks import doubtful_share, split_candidates
 from pgm_places.topology.regions import Region
-from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 PAGE_FILE = "index.html"

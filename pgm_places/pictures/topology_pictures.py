@@ -13,9 +13,8 @@ from pgm_places.palette import ERROR, label_colours, tinted
 from pgm_places.pictures.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
 from pgm_places.pictures.figure_grid import draw_scale_bar
-from pgm_places.topology.checks import PlaceCheck, places_to_check
+from pgm_places.topology.checks import PlaceCheck, places_to_check, split_candidates
 from pgm_places.topology.regions import Region
-from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _SQUARE = 64.0

@@ -13,7 +13,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_json
 from pgm_places.labelers.presets import preset_record
 from pgm_places.report.comparison_tables import comparison_tables
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 
 SCHEMA = 1
 

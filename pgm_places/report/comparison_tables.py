@@ -11,7 +11,7 @@ from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.significance import Difference, points
 from pgm_places.pictures.page import decimals, percent, spent
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 
 NONE = "–"
 MOST_PAIRS = 15

@@ -4,10 +4,9 @@ import shlex
 from pathlib import Path
 
 from pgm_places.pictures.topology_pictures import count_line, marked_checks
-from pgm_places.topology.checks import doubtful_share
+from pgm_places.topology.checks import SplitCandidate, doubtful_share, split_candidates
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.regions import Region
-from pgm_places.topology.split_candidates import SplitCandidate, split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _MOST_SPLITS = 5

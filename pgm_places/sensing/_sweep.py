@@ -3,15 +3,94 @@
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import list_runs, sweep
-from pgm_places.sensing import _sweep_tables as kernels
-from pgm_places.sensing._beams import OCTANTS, Beams, Octant, Ways
-from pgm_places.sensing._box import Box
-from pgm_places.sensing._sweep_tables import BLOCK, Listed, SweepFrame, TileCells
+from pgm_places.sensing.sensor import OCTANTS, Beams, Octant, Ways
+
+BLOCK = 32
+"""Cells per look-up; buffers are padded by this number."""
+
+
+class Listed(NamedTuple):
+    """Entries in compressed columns: those of column i are ``starts[i]`` to ``starts[i + 1]``."""
+
+    starts: NDArray[np.int64]  # (columns + 1,)
+    entries: NDArray[np.int32]  # (n, ...)
+
+
+class SweepRegion(NamedTuple):
+    """The region that beams from a tile can reach, with a blocked rim.
+
+    Lists of faces are by columns counted from the map's own end even if the frame is ``backward``;
+    if it is ``downward`` they are mirrored, columns and rows, so that rows go up in any case.
+    """
+
+    blocked: NDArray[np.uint8]  # (rows, columns) of the map, neither mirrored nor swapped
+    near: Listed  # begin and end (n, 2) of the runs of exposed near sides
+    lower: Listed  # rows (n,) of the exposed lower sides
+
+
+class TileCells(NamedTuple):
+    """The wanted cells of a tile, by columns along a major axis, not mirrored."""
+
+    nodes: NDArray[np.int32]  # (columns, rows) output row of each cell, -1 for unwanted cells
+    runs: Listed  # begin and end (n, 2) of the runs of wanted cells
+
+
+class SweepFrame(NamedTuple):
+    """Orientation of an octant, and position of a tile, in the map."""
+
+    x_is_major: bool  # whether the octant's columns are the map's columns
+    backward: bool  # whether its columns count down along the map's axis
+    downward: bool  # whether its rows count down along the map's axis
+    tile_column: int  # start of the tile in the mirrored region
+    tile_row: int
+    map_column: int  # start column of the region in the mirrored map
+
+
+class Rays(NamedTuple):
+    """Neighbouring beams of one octant, and how far they reach."""
+
+    # (n, 14) numbers of each beam, as :meth:`TileSweep._table` lists them.
+    beams: NDArray[np.float64]
+    limit: float  # maximum range in cells
+    cap: np.float32  # maximum range in metres
+
+
+class Pictures(NamedTuple):
+    """The pictures of all beams, one after the other."""
+
+    pairs: NDArray[np.int32]  # (beams * bins,) lower and upper face of each bin
+    edges: NDArray[np.float32]  # (beams * bins,) position of the edge between the two, 0 to 1
+
+
+class Column(NamedTuple):
+    """Working memory for the current column."""
+
+    # (rows,) -1.5 - y of the tile's rows: minus the number -1 - Y of a lower side: the distance
+    # Y - y - 0.5.
+    rows: NDArray[np.float32]
+    nodes: NDArray[np.int32]  # (rows,) output row of each cell, -1 for unwanted cells
+    cells: NDArray[np.int32]  # (rows,) rows of the wanted cells; the rest is unused
+    # (m, 2) begin and end of the stretches of cells that are looked up together.
+    spans: NDArray[np.int32]
+    readings: NDArray[np.float32]  # (beams * stride,) ranges
+    starts: NDArray[np.int64]  # (beams,) first bin of the column
+    fractions: NDArray[np.float32]  # (beams,) position in the first bin
+    mixed: NDArray[np.bool_]  # (beams,) whether some range is ambiguous in the picture
+
+
+class SweepOutput(NamedTuple):
+    """The output array of ranges."""
+
+    ranges: NDArray[np.float32]  # (cells * n_all,)
+    first_beam: int  # index of the group's first beam in a row
+    n_all: int  # number of beams in a row
+
 
 LARGEST_REGION = 32_000
 """Largest sum of rows, columns and reach, in cells, for 16-bit face numbers."""
@@ -27,25 +106,14 @@ _GROUPS_PER_THREAD = 4  # ... fewer keep many threads equally busy
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The faces that beams meet in a region, by columns along a major axis.
+    """The faces that beams meet in a region, by columns along a major axis."""
 
-    Parameters
-    ----------
-    blocked : (rows, columns) uint8
-        The region with its rim, in the map's orientation.
-    n_rows : int
-        Length of a column.
-    met_forward, met_backward : Listed
-        Begin and end of the runs of faces at the borders of columns.
-    solid : Listed
-        Begin and end of the runs of blocked cells.
-    """
-
-    blocked: NDArray[np.uint8]
-    n_rows: int
+    blocked: NDArray[np.uint8]  # (rows, columns) the region with its rim, in the map's orientation
+    n_rows: int  # length of a column
+    # met_forward, met_backward: begin and end of the runs of faces at the borders of columns
     met_forward: Listed
     met_backward: Listed
-    solid: Listed
+    solid: Listed  # begin and end of the runs of blocked cells
 
     @classmethod
     def of(cls, blocked: NDArray[np.uint8], x_is_major: bool) -> "Surroundings":
@@ -117,9 +185,9 @@ class BeamGroup:
     last: int
 
 
-def work_bytes(tile: Box) -> int:
-    """Upper bound of the working memory for a sweep of one group of beams over a tile."""
-    places = tile.height + tile.width + 6 + BLOCK
+def work_bytes(height: int, width: int) -> int:
+    """Upper bound of the working memory for one group of beams over a tile of some cells."""
+    places = height + width + 6 + BLOCK
     return _LONGEST_GROUP * (8 * (places << _LOG_BINS_SHALLOW) + 4 * (places + 2 * BLOCK))
 
 
@@ -143,9 +211,7 @@ class Work:
     def __init__(self) -> None:
         self._memory = np.empty(0, np.int32)
 
-    def fit(
-        self, n_beams: int, n_bins: int, n_rows: int, tile_row: int
-    ) -> tuple[kernels.Pictures, kernels.Column]:
+    def fit(self, n_beams: int, n_bins: int, n_rows: int, tile_row: int) -> tuple[Pictures, Column]:
         """Room for ``n_beams`` pictures of ``n_bins`` bins and a column of ``n_rows`` rows.
 
         The tile begins at ``tile_row``.
@@ -157,7 +223,7 @@ class Work:
             self._memory = np.empty(sum(sizes), np.int32)
         parts = np.split(self._memory[: sum(sizes)], np.cumsum(sizes)[:-1])
         pairs, edges, readings, nodes, cells, spans = parts
-        column = kernels.Column(
+        column = Column(
             rows=(-1.5 - tile_row - np.arange(n_rows)).astype(np.float32),
             nodes=nodes,
             cells=cells,
@@ -167,7 +233,7 @@ class Work:
             fractions=np.empty(n_beams, np.float32),
             mixed=np.empty(n_beams, np.bool_),
         )
-        return kernels.Pictures(pairs, edges.view(np.float32)), column
+        return Pictures(pairs, edges.view(np.float32)), column
 
 
 @dataclass(frozen=True)
@@ -229,10 +295,10 @@ class TileSweep:
         )
         table, n_bins = self._table(group, frame, columns.length, rows.length)
         reach = self.max_range_m / self.resolution_m
-        rays = kernels.Rays(table, reach, np.float32(self.max_range_m))
-        region = kernels.SweepRegion(around.blocked, *around.faces(backward, downward))
+        rays = Rays(table, reach, np.float32(self.max_range_m))
+        region = SweepRegion(around.blocked, *around.faces(backward, downward))
         pictures, column = work.fit(len(table), n_bins, rows.length + BLOCK, frame.tile_row)
-        output = kernels.SweepOutput(out.reshape(-1), group.first, out.shape[1])
+        output = SweepOutput(out.reshape(-1), group.first, out.shape[1])
         sweep(region, tile, frame, rays, pictures, column, output)
 
     def _table(

@@ -9,13 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, pose_array
 from pgm_places._core import cast_rays, coarse_cells, write_disc, write_scan
 from pgm_places.errors import InputError
-from pgm_places.maps.occupancy_grid import (
-    FREE,
-    OCCUPIED,
-    UNKNOWN,
-    OccupancyGrid,
-    check_resolution,
-)
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, check_resolution
 from pgm_places.options import AtLeastZero, AtLeastZeroOrInfinite, Positive, check_options
 
 __all__ = ["LocalMap"]
@@ -34,24 +28,20 @@ MOST_CELLS = 20_000
 """Longest side of the window in cells; larger ones are mistakes, such as a size in mm."""
 
 
+# Distance in cells beyond every window, at which longer beams and radii are cut.
 _FARTHEST = 2.0**40
-"""Distance in cells beyond every window, at which longer beams and radii are cut."""
 
-_MOST_WHOLE = 2**31
-"""Largest half side of a square, and largest factor, in cells."""
+_MOST_WHOLE = 2**31  # largest half side of a square, and largest factor, in cells
 
 
 class Window(NamedTuple):
     """A rolling map's cells, each at its row and column modulo ``n``."""
 
+    # (n, n) log-odds in steps; above 0 occupied, below 0 free, 0 unknown.
     evidence: NDArray[np.int8]
-    """(n, n) log-odds in steps; above 0 occupied, below 0 free, 0 unknown."""
-    seen: NDArray[np.uint8]
-    """(n, n) number of the scan that changed a cell last."""
-    wrap_row: int
-    """Storage index of the window's first row."""
-    wrap_column: int
-    """Storage index of the window's first column."""
+    seen: NDArray[np.uint8]  # (n, n) number of the scan that changed a cell last
+    wrap_row: int  # storage index of the window's first row
+    wrap_column: int  # storage index of the window's first column
 
 
 class Pose(NamedTuple):
@@ -71,19 +61,6 @@ class LocalMap:
     the cells outside it, so that memory stays ``2 (size / resolution)^2`` bytes. For a robot with a
     forward laser, the map supplies the beams behind it (paper, section 4, Fig. 4).
 
-    Parameters
-    ----------
-    size_m : float
-        Side of the window in metres.
-    resolution_m : float
-        Side of a cell in metres.
-    robot_radius_m : float
-        Cells within this distance of the laser are free, as the robot is there. 0 for none.
-    through_unknown_m : float
-        Distance that a simulated ray may continue through unknown space; beyond it, the ray ends at
-        the start of that space. Distant beams are farther apart than cells, which leaves holes;
-        ``inf`` makes unknown space free.
-
     Examples
     --------
     >>> from math import pi
@@ -96,9 +73,13 @@ class LocalMap:
     (True, [True])
     """
 
-    size_m: Positive = 40.0
-    resolution_m: Positive = 0.05
+    size_m: Positive = 40.0  # side of the window in metres
+    resolution_m: Positive = 0.05  # side of a cell in metres
+    # cells within this distance of the laser are free, as the robot is there. 0 for none.
     robot_radius_m: AtLeastZero = 0.25
+    # distance that a simulated ray may continue through unknown space; beyond it, the ray ends at
+    # the start of that space. Distant beams are farther apart than cells, which leaves holes;
+    # ``inf`` makes unknown space free.
     through_unknown_m: AtLeastZeroOrInfinite = 0.3
     _evidence: NDArray[np.int8] = field(init=False, repr=False)
     _seen: NDArray[np.uint8] = field(init=False, repr=False)
@@ -138,23 +119,13 @@ class LocalMap:
     ) -> None:
         """Add a scan at a pose, after moving the window there.
 
-        Parameters
-        ----------
-        pose : (3,) float
-            x, y in metres and heading in radians of the laser, in any fixed frame.
-        ranges_m : (M,) float
-            Beam lengths. NaN, infinite, not positive, or at least ``max_range_m``: no return, which
-            does not change the map.
-        angles_rad : (M,) float
-            Beam angles against the heading, counter-clockwise.
-        max_range_m : float
-            The sensor's maximum range.
+        ``pose`` (3,): x, y in metres and heading in radians of the laser, in any fixed frame.
+        ``ranges_m`` (M,): beam lengths. NaN, infinite, not positive, or at least ``max_range_m``:
+        no return, which does not change the map. ``angles_rad`` (M,): beam angles against the
+        heading, counter-clockwise. ``max_range_m``: the sensor's maximum range.
 
-        Raises
-        ------
-        InputError
-            Pose or angles are not finite, the pose is more than 10^7 m away, shapes do not fit, or
-            the range is not a positive number.
+        InputError: pose or angles are not finite, the pose is more than 10^7 m away, shapes do not
+        fit, or the range is not a positive number.
         """
         where = pose_array("pose", pose, (3,))
         self._move_to(where)
@@ -191,17 +162,8 @@ class LocalMap:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(M,) simulated ranges in metres at a pose, and whether beams end at obstacles.
 
-        Parameters
-        ----------
-        pose : (3,) float
-            As in :meth:`update`.
-        angles_rad : (M,) float
-            Beam angles against the heading, counter-clockwise.
-        max_range_m : float
-            Longest range returned, also where a ray meets nothing.
-
-        A ray that meets no obstacle ends where known space ends, or at ``max_range_m``. A pose
-        inside an occupied cell reads 0 along every beam.
+        ``pose`` (3,): as in :meth:`update`. ``angles_rad`` (M,): beam angles against the heading,
+        counter-clockwise. ``max_range_m``: longest range returned, also where a ray meets nothing.
         """
         where = pose_array("pose", pose, (3,))
         _check_reach(max_range_m)
@@ -223,19 +185,12 @@ class LocalMap:
         A coarse cell is occupied if any of its cells is, else free if any is, else unknown. The
         result is that of :meth:`to_grid`, cropped and coarsened, without a copy of the window.
 
-        Parameters
-        ----------
-        centre_m : (2,) float
-            x and y of the middle, in the frame of the poses.
-        n_cells : int
-            Half the side of the square, in cells of the window; clipped to the window.
-        factor : int
-            Cells of the window along the side of a coarse cell.
+        ``centre_m`` (2,): x and y of the middle, in the frame of the poses. ``n_cells``: half the
+        side of the square, in cells of the window; clipped to the window. ``factor``: cells of the
+        window along the side of a coarse cell.
 
-        Raises
-        ------
-        InputError
-            The position is not finite or more than 10^7 m away, or a number is not an integer.
+        InputError: the position is not finite or more than 10^7 m away, or a number is not an
+        integer.
         """
         _check_whole("n_cells", n_cells, 0)
         _check_whole("factor", factor, 1)

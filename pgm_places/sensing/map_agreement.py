@@ -32,18 +32,11 @@ _FARTHEST_M = 15.0  # an error of the heading moves the end points of longer bea
 
 @dataclass(frozen=True)
 class MapAgreement:
-    """Agreement of a drive with a map.
+    """Agreement of a drive with a map."""
 
-    Parameters
-    ----------
-    poses : float
-        Share of the poses that lie on free cells.
-    scans : float or None
-        Share of the beams' end points, up to 15 m away, within 0.3 m of an occupied cell; None
-        without scans, or where the map has no occupied cells.
-    """
-
-    poses: float
+    poses: float  # share of the poses that lie on free cells
+    # share of the beams' end points, up to 15 m away, within 0.3 m of an occupied cell; None
+    # without scans, or where the map has no occupied cells
     scans: float | None = None
 
     @property
@@ -67,22 +60,9 @@ class MapAgreement:
 def map_agreement(grid: OccupancyGrid, drive: Trajectory) -> MapAgreement:
     """Agreement of up to 200 steps of a drive, evenly spaced, with a map.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    drive : Trajectory
-        At least one step; poses in the frame of the map.
+    ``drive``: at least one step; poses in the frame of the map.
 
-    Raises
-    ------
-    InputError
-        The drive has no step.
-
-    Examples
-    --------
-    >>> grid = OccupancyGrid([[0, 0, 0, 100]], resolution_m=0.1)
-    >>> map_agreement(grid, Trajectory([0, 1], [[0.05, 0.05, 0], [0.35, 0.05, 0]]))
-    MapAgreement(poses=0.5, scans=None)
+    InputError: the drive has no step.
     """
     if not len(drive):
         raise InputError(f"{drive.name} has no step to compare with a map")
@@ -116,11 +96,8 @@ def check_agreement(
 ) -> str | None:
     """A warning about a drive that does not fit a map, or None.
 
-    Raises
-    ------
-    InputError
-        Less than half of the poses or of the scans agree, and ``force`` is not set; the message
-        ends with ``otherwise``, what a user can do.
+    InputError: less than half of the poses or of the scans agree, and ``force`` is not set; the
+    message ends with ``otherwise``, what a user can do.
     """
     agreement = map_agreement(grid, drive)
     message = agreement.message(drive.name, map_name)

@@ -16,8 +16,7 @@ from pgm_places._core import dda_from_poses
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_parts
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing._box import Box, NodeNumbers, tiles
-from pgm_places.sensing._cell_caster import CellCaster, blocked_window
+from pgm_places.sensing._cell_caster import Box, CellCaster, NodeNumbers, blocked_window, tiles
 from pgm_places.sensing.sensor import Sensor
 
 _POSES_PER_TASK = 256
@@ -27,18 +26,11 @@ _BYTES_OF_CELL = 48  # lists of a block's cells
 
 @dataclass(frozen=True, eq=False)
 class ScanBlock:
-    """Scans of some of a map's cells.
+    """Scans of some of a map's cells."""
 
-    Parameters
-    ----------
-    nodes : (n,) int64
-        Node numbers of the cells, as in ``LabelGraph.from_grid`` with the same mask; increasing.
-    ranges : (n, n_beams) float32
-        Ranges in metres.
-    """
-
+    # (n,) node numbers of the cells, as in ``LabelGraph.from_grid`` with the same mask; increasing
     nodes: NDArray[np.int64]
-    ranges: NDArray[np.float32]
+    ranges: NDArray[np.float32]  # (n, n_beams) ranges in metres
 
 
 def cast_cells(
@@ -46,17 +38,8 @@ def cast_cells(
 ) -> NDArray[np.float32]:
     """(N, n_beams) ranges in metres from the centres of the N free cells.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        Beam angles are in the grid's own frame; its yaw does not matter.
-    sensor : Sensor
-        Beams, reach and noise.
-    mask : (H, W) bool, optional
-        Cast only from the free cells inside it.
-
-    Rows are in the node order of ``LabelGraph.from_grid(grid, mask=mask)``: row-major from the
-    bottom row. The result takes ``4 * N * n_beams`` bytes; :func:`iter_cast` bounds that.
+    ``grid``: beam angles are in the grid's own frame; its yaw does not matter. ``sensor``: beams,
+    reach and noise. ``mask`` (H, W): cast only from the free cells inside it.
 
     Examples
     --------
@@ -89,24 +72,14 @@ def iter_cast(
 ) -> Iterator[ScanBlock]:
     """Scans of all cells in blocks, with the same bits as :func:`cast_cells`.
 
-    Parameters
-    ----------
-    grid, sensor, mask
-        As in :func:`cast_cells`.
-    memory_bytes : int
-        Maximum memory, besides the map and the mask, for a block and its computation. Larger blocks
-        are faster: the surroundings within reach are processed again for each block.
+    ``grid``, ``sensor``, ``mask``: as in :func:`cast_cells`. ``memory_bytes``: maximum memory,
+    besides the map and the mask, for a block and its computation. Larger blocks are faster: the
+    surroundings within reach are processed again for each block.
 
-    Yields
-    ------
-    ScanBlock
-        Blocks of rectangles of the map, in no particular order; each node is in one block. The
-        next block overwrites a block's ranges: use or copy them before.
+    Yields ScanBlock: blocks of rectangles of the map, in no particular order; each node is in one
+    block. The next block overwrites a block's ranges: use or copy them before.
 
-    Raises
-    ------
-    InputError
-        The memory does not suffice for a single cell and the region within its reach.
+    InputError: the memory does not suffice for a single cell and the region within its reach.
 
     Examples
     --------
@@ -150,12 +123,9 @@ def _blocks(
 class _CellPoses(NamedTuple):
     """Poses of scans, in cells."""
 
-    x: NDArray[np.float64]
-    """(P,); the cell that holds (x, y) is [floor y, floor x]."""
-    y: NDArray[np.float64]
-    """(P,)."""
-    headings_rad: NDArray[np.float64]
-    """(P,)."""
+    x: NDArray[np.float64]  # (P,); the cell that holds (x, y) is [floor y, floor x]
+    y: NDArray[np.float64]  # (P,)
+    headings_rad: NDArray[np.float64]  # (P,)
 
 
 def cast_poses(
@@ -201,10 +171,7 @@ def cast_poses(
 class PoseCaster:
     """Casts from poses in a map that is prepared once, for repeated calls.
 
-    Parameters
-    ----------
-    grid, stop_at_unknown
-        As in :func:`cast_poses`.
+    ``grid``, ``stop_at_unknown``: as in :func:`cast_poses`.
     """
 
     def __init__(self, grid: OccupancyGrid, *, stop_at_unknown: bool = True) -> None:

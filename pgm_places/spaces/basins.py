@@ -47,9 +47,9 @@ _ROOT_UNIT = 1024
 UNIT = 9 * _ROOT_UNIT
 """The height of one cell; reliefs are integers."""
 
+# The distance in cells by which smoothing lowers the middle line of a passage, to within a twelfth
+# of a cell, for odd and even widths.
 _OFFSET = UNIT / 4
-"""The distance in cells by which smoothing lowers the middle line of a passage, to within a twelfth
-of a cell, for odd and even widths."""
 
 
 def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -98,31 +98,16 @@ _N_SUMS = 9
 
 @dataclass(frozen=True, eq=False)
 class Basins:
-    """The watershed of a relief.
+    """The watershed of a relief."""
 
-    Parameters
-    ----------
-    raster : (H + 2, W + 2) int32
-        Basin of each cell, with a frame of one cell; -1 where it is not open. Numbers from
-        ``count`` on are lines: cells halfway between indistinguishable basins.
-    count : int
-        B, the number of basins.
-    area : (B + n_lines,) int64
-        Cells of each basin and line.
-    summit : (B + n_lines,) int32
-        The largest height in each basin, 0 for lines.
-    beside : (P, 2) int64
-        Each line with each adjacent basin, sorted.
-    n_lines : int
-        Number of lines.
-    """
-
+    # (H + 2, W + 2) basin of each cell, with a frame of one cell; -1 where it is not open. Numbers
+    # from ``count`` on are lines: cells halfway between indistinguishable basins.
     raster: NDArray[np.int32]
-    count: int
-    area: NDArray[np.int64]
-    summit: NDArray[np.int32]
-    beside: NDArray[np.int64]
-    n_lines: int
+    count: int  # B, the number of basins
+    area: NDArray[np.int64]  # (B + n_lines,) cells of each basin and line
+    summit: NDArray[np.int32]  # (B + n_lines,) the largest height in each basin, 0 for lines
+    beside: NDArray[np.int64]  # (P, 2) each line with each adjacent basin, sorted
+    n_lines: int  # number of lines
 
     def segment_of_line(self, segment_of: NDArray[np.int32]) -> NDArray[np.int32]:
         """(n_lines,) the common segment of all basins adjacent to a line, -1 if they differ."""
@@ -136,19 +121,13 @@ class Basins:
 
 @dataclass(frozen=True, eq=False)
 class BasinSums:
-    """Sums and extents of each basin and line (N = B + n_lines), in cells.
+    """Sums and extents of each basin and line (N = B + n_lines), in cells."""
 
-    Parameters
-    ----------
-    total : (N, 9) int64
-        Summed heights, cells not free on the map, sides at walls, sides at unknown cells,
-        and the sums of r, c, rr, rc, cc over the cells (r, c).
-    low, high : (N, 30) float64
-        Minimum and maximum projections of the cells onto 30 directions over half a turn; k
-        and k + 15 are at right angles.
-    """
-
+    # (N, 9) summed heights, cells not free on the map, sides at walls, sides at unknown cells, and
+    # the sums of r, c, rr, rc, cc over the cells (r, c)
     total: NDArray[np.int64]
+    # low, high: (N, 30) minimum and maximum projections of the cells onto 30 directions over half a
+    # turn; k and k + 15 are at right angles
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 

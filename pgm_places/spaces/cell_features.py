@@ -1,6 +1,5 @@
 """Space features of cells, assembled from the features of their segments."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Self
@@ -22,8 +21,7 @@ from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_
 _WIDEST_M, _SHORTEST_M, _ASPECT = 3.0, 3.0, 0.5
 
 
-_CELL_COLUMNS = 3
-"""Columns of a cell in addition to its segment's: depth, way out, and its width."""
+_CELL_COLUMNS = 3  # columns of a cell in addition to its segment's: depth, way out, and its width
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,26 +29,16 @@ class SegmentLookup:
     """Lookup tables by segment, from which the features of cells are assembled.
 
     Cells outside all segments use an extra segment S with features 0 and no openings.
-
-    Parameters
-    ----------
-    segment_of : (B + n_lines + 1,) int32
-        Segment of each basin and line; the last entry is for cells that are not open.
-    table : (S + 1, F) float32
-        The segments' own features.
-    radius_m : (S + 1,) float64
-    start : (S + 2,) int64
-        Start of the openings of each segment.
-    lines : (2 O, 5) float64
-        Openings as straight lines, grouped by segment: row and column of the midpoint and half
-        the line as a vector, in cells, and the half width in metres.
-    resolution_m : float
     """
 
+    # (B + n_lines + 1,) segment of each basin and line; the last entry is for cells that are not
+    # open
     segment_of: NDArray[np.int32]
-    table: NDArray[np.float32]
-    radius_m: NDArray[np.float64]
-    start: NDArray[np.int64]
+    table: NDArray[np.float32]  # (S + 1, F) the segments' own features
+    radius_m: NDArray[np.float64]  # (S + 1,)
+    start: NDArray[np.int64]  # (S + 2,) start of the openings of each segment
+    # (2 O, 5) openings as straight lines, grouped by segment: row and column of the midpoint and
+    # half the line as a vector, in cells, and the half width in metres
     lines: NDArray[np.float64]
     resolution_m: float
 
@@ -84,10 +72,6 @@ class Lookups:
     """The lookups of several divisions: all columns of cells, the clearance first.
 
     They do not hold rasters of the map.
-
-    Parameters
-    ----------
-    parts : tuple of SegmentLookup
     """
 
     parts: tuple[SegmentLookup, ...]
@@ -128,11 +112,12 @@ class Lookups:
             start += part.n_columns
 
 
+# Cells that one thread looks up at a time, few enough for its data to stay in cache.
 _CELLS_PER_TASK = 8192
-"""Cells that one thread looks up at a time, few enough for its data to stay in cache."""
 
 
-def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tuple[str, ...]:
+@cache
+def space_feature_names(ratios: tuple[float, ...], *, places: bool = False) -> tuple[str, ...]:
     """The names of the columns for the given scales and, optionally, for places.
 
     Examples
@@ -143,11 +128,6 @@ def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tup
     >>> len(space_feature_names((0.9, 0.75, 0.6), places=True))
     167
     """
-    return _names(tuple(ratios), places)
-
-
-@cache
-def _names(ratios: tuple[float, ...], places: bool) -> tuple[str, ...]:
     groups = [(str(ratio), SEGMENT_FEATURES) for ratio in ratios]
     groups += [("place", PLACE_FEATURES)] if places else []
     columns = [(scale, spec) for scale, specs in groups for spec in (*specs, *CELL_FEATURES)]
@@ -156,29 +136,11 @@ def _names(ratios: tuple[float, ...], places: bool) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class CellFeatures:
-    """The features of any cell of a map, computed on demand.
+    """The features of any cell of a map, computed on demand."""
 
-    Parameters
-    ----------
-    divisions : tuple of Segments
-        Scales, or places.
-    tables : tuple of (S, F) float64
-        The features of each division's segments.
-    names : tuple of str
-        The columns.
-
-    Examples
-    --------
-    >>> from pgm_places.simulation import generate_building
-    >>> grid = generate_building(size="small").grid
-    >>> features = CellFeatures.of(Segmentation.of(grid))
-    >>> features.lookup(np.argwhere(grid.free)[:5]).shape
-    (5, 121)
-    """
-
-    divisions: tuple[SpaceSegments, ...]
-    tables: tuple[NDArray[np.float64], ...]
-    names: tuple[str, ...]
+    divisions: tuple[SpaceSegments, ...]  # scales, or places
+    tables: tuple[NDArray[np.float64], ...]  # the features of each division's segments
+    names: tuple[str, ...]  # the columns
 
     @classmethod
     def of(cls, segmentation: Segmentation, places: Places | None = None) -> Self:
@@ -198,17 +160,10 @@ class CellFeatures:
         For cells outside all segments of a scale, the columns of that scale are 0, except for the
         distance to the nearest opening, which is 10 m. Openings are treated as straight lines.
 
-        Parameters
-        ----------
-        cells_rc : (n, 2) int
-            Row and column. Consecutive cells of a row are fastest.
-        columns : (F,) int, optional
-            Indices into ``names``.
+        ``cells_rc`` (n, 2): row and column. Consecutive cells of a row are fastest. ``columns``
+        (F,): indices into ``names``.
 
-        Raises
-        ------
-        InputError
-            If a cell lies outside the map or a column does not exist.
+        InputError: if a cell lies outside the map or a column does not exist.
         """
         n_all, watershed = len(self.names), self.divisions[0].watershed
         chosen = range(n_all) if columns is None else columns
@@ -231,22 +186,13 @@ class CellFeatures:
 
 @dataclass(frozen=True, eq=False)
 class NodeSegments:
-    """Segments of the finest scale.
+    """Segments of the finest scale."""
 
-    Parameters
-    ----------
-    segment : (N,) int16 or int32
-        The segment of each node, -1 for none.
-    is_ribbon : (S,) bool
-        Segments at most 3 m wide, at least 3 m long, and twice as long as wide: mostly parts of
-        corridors, also in incomplete maps.
-    is_wide : (S,) bool
-        Segments in which a disc of 1.5 m radius fits.
-    """
-
-    segment: NDArray[np.int16] | NDArray[np.int32]
+    segment: NDArray[np.int16] | NDArray[np.int32]  # (N,) the segment of each node, -1 for none
+    # (S,) segments at most 3 m wide, at least 3 m long, and twice as long as wide: mostly parts of
+    # corridors, also in incomplete maps
     is_ribbon: NDArray[np.bool_]
-    is_wide: NDArray[np.bool_]
+    is_wide: NDArray[np.bool_]  # (S,) segments in which a disc of 1.5 m radius fits
 
     @classmethod
     def of(cls, lookup: SegmentLookup, basin: NDArray[np.int32]) -> Self:
@@ -269,33 +215,11 @@ class NodeFeatures:
 
     It stores basins and heights of the nodes only, not the map's rasters, half of which are walls
     and unknown space; on a huge map that saves half a gigabyte.
-
-    Parameters
-    ----------
-    cells : MaskCells
-        The nodes.
-    basin : (N,) int32
-        Basin of each node, -1 for none.
-    relief : (N,) int32
-        Height of each node.
-    lookups : Lookups
-    resolution_m : float
-
-    Examples
-    --------
-    >>> from pgm_places.simulation import generate_building
-    >>> from pgm_places.spaces.segmentation import Segmentation
-    >>> grid = generate_building(size="small").grid
-    >>> features, cells = CellFeatures.of(Segmentation.of(grid)), MaskCells.of(grid.free)
-    >>> nodes, values = np.arange(5, 8), np.empty((3, 2), np.float32)
-    >>> NodeFeatures.of(features, cells).write(nodes, np.array([0, 7]), values)
-    >>> bool((values == features.lookup(cells[nodes], [0, 7])).all())
-    True
     """
 
-    cells: MaskCells
-    basin: NDArray[np.int32]
-    relief: NDArray[np.int32]
+    cells: MaskCells  # the nodes
+    basin: NDArray[np.int32]  # (N,) basin of each node, -1 for none
+    relief: NDArray[np.int32]  # (N,) height of each node
     lookups: Lookups
     resolution_m: float
 

@@ -1,42 +1,30 @@
-"""Doorways: the accepted gates of a map, and the raster of the places between them."""
+"""Doorways: the accepted gates of a map, the places between them, and the true doors."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import freeze, set_frozen
+from pgm_places._checks import freeze, label_raster, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps._blocks import factor_between, holders
-from pgm_places.maps.components import number_type
+from pgm_places.maps.components import Components, connected_components, number_type
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate, Gates
 from pgm_places.spaces.places import Places
 
 
 @dataclass(frozen=True, eq=False)
 class RasterRuns:
-    """A run-length encoded raster.
-
-    Parameters
-    ----------
-    shape : (int, int)
-    dtype : dtype
-    bands : tuple of pairs of (M,) arrays
-        Values and lengths of the runs in each band of rows.
-
-    Examples
-    --------
-    >>> runs = RasterRuns.of(np.array([[1, 1, 1], [1, 2, 2]], np.int16))
-    >>> [values.tolist() for values, _ in runs.bands], runs.raster().tolist()
-    ([[1, 2]], [[1, 1, 1], [1, 2, 2]])
-    """
+    """A run-length encoded raster."""
 
     shape: tuple[int, int]
     dtype: np.dtype[Any]
+    # values and lengths of the runs in each band of rows
     bands: tuple[tuple[NDArray[Any], NDArray[np.int32]], ...]
 
     @classmethod
@@ -63,24 +51,13 @@ def _runs(flat: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32]]:
 
 @dataclass(frozen=True, eq=False)
 class Doorways:
-    """The gates of a map that are accepted as doorways, and the places between them.
+    """The gates of a map that are accepted as doorways, and the places between them."""
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        The map.
-    gates : tuple of Gate
-        The doorways, as rectangles in the map frame.
-    probability : (G,) float64
-        Probability that each is a doorway.
-    place : (H, W) int16 or int32
-        Number of each cell's place, -1 for none, in the smaller type if possible. It is stored
-        run-length encoded: each access decodes a new raster.
-    """
-
-    grid: OccupancyGrid
-    gates: tuple[Gate, ...]
-    probability: NDArray[np.float64]
+    grid: OccupancyGrid  # the map
+    gates: tuple[Gate, ...]  # the doorways, as rectangles in the map frame
+    probability: NDArray[np.float64]  # (G,) probability that each is a doorway
+    # (H, W) number of each cell's place, -1 for none, in the smaller type if possible. It is stored
+    # run-length encoded: each access decodes a new raster.
     place: NDArray[np.int16] | NDArray[np.int32]
 
     def __post_init__(self) -> None:
@@ -110,24 +87,7 @@ class Doorways:
     def of(cls, places: Places, probability: NDArray[np.float64]) -> Self:
         """The accepted gates between places.
 
-        Parameters
-        ----------
-        places : Places
-        probability : (G,) float64
-            Probability of each candidate, accepted or not.
-
-        Examples
-        --------
-        >>> from pgm_places.spaces.gates import gate_candidates
-        >>> from pgm_places.spaces.places import places_between
-        >>> from pgm_places.spaces.segmentation import Segmentation
-        >>> cells = np.zeros((20, 42), np.int8)
-        >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
-        >>> gates = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))
-        >>> sure = np.array([0.9])
-        >>> found = Doorways.of(places_between(gates, sure), sure)
-        >>> len(found), np.unique(found.place).tolist()
-        (1, [-1, 0, 1])
+        ``probability`` (G,): probability of each candidate, accepted or not.
         """
         taken = np.flatnonzero(places.accepted)
         place = places.segments.raster(number_type(places.segments.count))
@@ -146,10 +106,7 @@ class Doorways:
     def place_on(self, grid: OccupancyGrid) -> NDArray[np.int16] | NDArray[np.int32]:
         """(H, W) the place at each cell centre of the same map at another resolution, -1 for none.
 
-        Raises
-        ------
-        InputError
-            The map is in another frame, or of another size.
+        InputError: the map is in another frame, or of another size.
         """
         if grid.origin_xy_m != self.grid.origin_xy_m or grid.yaw_rad != self.grid.yaw_rad:
             raise InputError(
@@ -174,3 +131,197 @@ class Doorways:
             for n, last in zip(grid.shape, self.grid.shape, strict=True)
         )
         return np.asarray(self.place[np.ix_(rows, columns)])
+
+
+_LEAST_OVERLAP = 0.3  # the narrowest chord next to an open door leaf is oblique
+_LEAST_DOOR_M2 = 0.1
+_MARGIN_M = 0.1
+
+
+@dataclass(frozen=True)
+class DoorScores:
+    """How well accepted gates, or painted doorways, match the doors of a map."""
+
+    # doors, found: number of true doors, and of true doors that an accepted gate matches
+    doors: int
+    found: int
+    # accepted, right: number of accepted gates with known truth, and of those gates that match a
+    # door
+    accepted: int
+    right: int
+
+    @classmethod
+    def total(cls, items: Iterable["DoorScores"]) -> Self:
+        """The scores of several maps together."""
+        return cls(
+            *(sum(column) for column in zip((0, 0, 0, 0), *map(astuple, items), strict=True))
+        )
+
+    @property
+    def missed(self) -> int:
+        """Doors that no accepted gate matches."""
+        return self.doors - self.found
+
+    @property
+    def invented(self) -> int:
+        """Accepted gates that are not doors."""
+        return self.accepted - self.right
+
+    @property
+    def recall(self) -> float | None:
+        """Recall: share of the doors that are matched; None without doors."""
+        return self.found / self.doors if self.doors else None
+
+    @property
+    def precision(self) -> float | None:
+        """Precision: share of the accepted gates that are doors; None without accepted gates."""
+        return self.right / self.accepted if self.accepted else None
+
+
+@dataclass(frozen=True, eq=False)
+class DoorMatch:
+    """Gates and the doors of a labelled map."""
+
+    door: NDArray[np.int64]  # (G,) door matched by each gate, -1 for none
+    known: NDArray[np.bool_]  # (G,) whether at least half of the gate's free cells are labelled
+    door_m2: NDArray[np.float64]  # (D,) area of each door
+
+    @property
+    def is_doorway(self) -> NDArray[np.bool_]:
+        """(G,) whether each gate matches a door."""
+        return self.door >= 0
+
+    def scores(self, accepted: ArrayLike) -> DoorScores:
+        """The scores of the accepted gates (G,) bool.
+
+        Doors under 0.1 m2 do not count as missed: they are drawing errors.
+        """
+        taken = np.asarray(accepted)
+        if taken.shape != self.door.shape or taken.dtype != np.bool_:
+            raise InputError(
+                f"accepted must be booleans, one per gate ({len(self.door)}), got {taken.dtype} of "
+                f"shape {taken.shape}"
+            )
+        counted = self.door_m2 >= _LEAST_DOOR_M2
+        is_found = np.isin(np.arange(len(self.door_m2)), self.door[taken])
+        judged = taken & (self.known | self.is_doorway)
+        return DoorScores(
+            doors=int(counted.sum()),
+            found=int((is_found & counted).sum()),
+            accepted=int(judged.sum()),
+            right=int((judged & self.is_doorway).sum()),
+        )
+
+
+def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
+    """The door matched by each gate.
+
+    A door is a set of free cells labelled ``doorway``, connected by sides or corners. It is matched
+    by a gate if the cells of its rectangle, extended by 0.1 m at every end, and those of the door
+    overlap by at least three tenths of the smaller of the two.
+
+    ``labels`` (H, W): label of each cell, -1 where unknown. ``doorway``: the label of doorways.
+    """
+    return match_gates(gates, gates.segmentation.watershed.grid, labels, doorway)
+
+
+def match_gates(
+    gates: Gates | Sequence[Gate], grid: OccupancyGrid, labels: ArrayLike, doorway: int
+) -> DoorMatch:
+    """The door matched by each of some gates of a map, by the rule of :func:`match_doors`."""
+    inside = (gate.cells(grid, wider_m=_MARGIN_M, deeper_m=_MARGIN_M) for gate in gates)
+    return _match(inside, len(gates), grid, labels, doorway)
+
+
+def match_painted(
+    painted: ArrayLike, grid: OccupancyGrid, labels: ArrayLike, doorway: int
+) -> DoorMatch:
+    """The door matched by each painted doorway, by the rule for gates: for methods without gates.
+
+    A painted doorway is a piece of cells that a method labelled ``doorway``, of at least 0.1 m2:
+    smaller doors do not count either.
+
+    ``painted`` (H, W): the method's label of each cell, -1 for none. ``labels`` (H, W): label of
+    each cell, -1 where unknown. ``doorway``: the label of doorways.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0, 0, 0, 0]], resolution_m=0.5)
+    >>> truth, found = [[0, 1, 0, 0, 0, 0]], [[0, 1, 1, 0, 1, 0]]
+    >>> match = match_painted(found, grid, truth, doorway=1)
+    >>> match.scores(np.ones(2, bool))
+    DoorScores(doors=1, found=1, accepted=2, right=1)
+    """
+    pieces = _doors(label_raster("painted", painted, grid.shape), grid, doorway)
+    cells = np.argwhere(pieces.piece >= 0)
+    order = np.argsort(pieces.piece[cells[:, 0], cells[:, 1]], kind="stable")
+    parts = np.split(cells[order], np.cumsum(pieces.size)[:-1])
+    large = [part for part in parts if len(part) * grid.resolution_m**2 >= _LEAST_DOOR_M2]
+    return _match(large, len(large), grid, labels, doorway)
+
+
+def unmatched_doors(
+    gates: Gates, match: DoorMatch, labels: ArrayLike, doorway: int
+) -> tuple[Gate, ...]:
+    """A gate for each door that no candidate matches: the rectangle around its cells.
+
+    The passage is across the longer side of the rectangle, along the main axis of the cells.
+
+    ``match``: of these gates and labels. ``labels`` (H, W): label of each cell, -1 where unknown.
+    ``doorway``: the label of doorways.
+    """
+    grid = gates.segmentation.watershed.grid
+    doors = _doors(label_raster("labels", labels, grid.shape), grid, doorway)
+    alone = np.setdiff1d(np.arange(doors.count), match.door)
+    return tuple(_rectangle(np.argwhere(doors.piece == piece), grid) for piece in alone)
+
+
+def true_doors(known: LabelledMap, doorway: int) -> tuple[Gate, ...]:
+    """The rectangle around the cells of each door of at least 0.1 m2 of a labelled map."""
+    doors = _doors(np.asarray(known.labels, np.int16), known.grid, doorway)
+    large = np.flatnonzero(doors.size * known.grid.resolution_m**2 >= _LEAST_DOOR_M2)
+    return tuple(_rectangle(np.argwhere(doors.piece == n), known.grid) for n in large)
+
+
+def _rectangle(cells: NDArray[np.int64], grid: OccupancyGrid) -> Gate:
+    """The rectangle around cells (n, 2), with the passage across its longer side."""
+    points = grid.cell_centres_m(cells)
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1]  # by ascending spread: the passage, the width
+    along = centred @ axes
+    low, high = along.min(axis=0), along.max(axis=0)
+    x, y = (points.mean(axis=0) + axes @ ((low + high) / 2)).tolist()
+    heading = float(np.arctan2(axes[1, 0], axes[0, 0]))
+    depth_m, width_m = (high - low + grid.resolution_m).tolist()
+    turned = np.pi / 2 - np.mod(np.pi / 2 - heading, np.pi)  # in (-pi/2, pi/2]
+    return Gate((x, y), float(turned), width_m, depth_m)
+
+
+def _doors(raster: NDArray[np.int16], grid: OccupancyGrid, doorway: int) -> Components:
+    """The connected sets of doorway cells."""
+    return connected_components((raster == doorway) & grid.free)
+
+
+def _match(
+    candidates: Iterable[NDArray[np.int64]],
+    n_candidates: int,
+    grid: OccupancyGrid,
+    labels: ArrayLike,
+    doorway: int,
+) -> DoorMatch:
+    """The door that each candidate overlaps most; candidates are given by their cells (n, 2)."""
+    raster = label_raster("labels", labels, grid.shape)
+    doors = _doors(raster, grid, doorway)
+    piece, count, size = doors.piece, doors.count, doors.size
+    door, known = np.full(n_candidates, -1), np.zeros(n_candidates, np.bool_)
+    for g, cells in enumerate(candidates):
+        if not len(cells):
+            continue
+        r, c = cells.T
+        inside = piece[r, c]
+        overlap = np.bincount(inside[inside >= 0], minlength=count)
+        share = overlap / np.maximum(np.minimum(size, len(r)), 1)
+        if count and share.max() >= _LEAST_OVERLAP:
+            door[g] = int(share.argmax())
+        known[g] = 2 * (raster[r, c] >= 0).sum() >= len(r)
+    return DoorMatch(door, known, np.asarray(size * grid.resolution_m**2, np.float64))

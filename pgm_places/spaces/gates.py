@@ -1,18 +1,88 @@
-"""Gate candidates: narrow openings between segments, some of which are doorways."""
+"""Gates: oriented rectangles at narrow openings between segments, some of which are doorways."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._core import distances_to_others, narrowest_chords, width_profiles
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.openings import Openings, find_openings
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import GATE_FEATURES, GATE_SHAPE_FEATURES, SEGMENT_FEATURES
+
+_FARTHEST = 2.0**40  # a distance in cells beyond every map
+
+
+@dataclass(frozen=True)
+class Gate:
+    """An oriented rectangle, the opening between two segments."""
+
+    centre_m: tuple[float, float]  # its centre in the map frame
+    heading_rad: float  # the direction of passage in the map frame, in (-pi/2, pi/2]
+    width_m: float  # across the heading, from wall to wall
+    depth_m: float  # along the heading
+
+    @property
+    def corners_m(self) -> NDArray[np.float64]:
+        """(4, 2) corners in the map frame, counter-clockwise.
+
+        Examples
+        --------
+        >>> Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.2).corners_m.round(2).tolist()
+        [[1.9, 0.5], [2.1, 0.5], [2.1, 1.5], [1.9, 1.5]]
+        """
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * [self.depth_m, self.width_m]
+        return np.asarray(half @ [[cos, sin], [-sin, cos]] + self.centre_m)
+
+    def contains(
+        self, points_m: ArrayLike, *, wider_m: float = 0.0, deeper_m: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 2) of the map frame are inside.
+
+        ``wider_m`` and ``deeper_m`` extend the width and the depth at either end.
+        """
+        along, across = map(np.abs, self.in_frame_m(points_m))
+        inside = (along <= self.depth_m / 2 + deeper_m) & (across <= self.width_m / 2 + wider_m)
+        return np.asarray(inside)
+
+    def distance_m(self, points_m: ArrayLike) -> NDArray[np.float64]:
+        """(n,) distance of points (n, 2) of the map frame from the rectangle; 0 inside.
+
+        Examples
+        --------
+        >>> Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.5).distance_m([[2, 1.5], [3.25, 1]])
+        array([0., 1.])
+        """
+        along, across = map(np.abs, self.in_frame_m(points_m))
+        beyond = np.maximum(along - self.depth_m / 2, 0), np.maximum(across - self.width_m / 2, 0)
+        return np.asarray(np.hypot(*beyond))
+
+    def in_frame_m(self, points_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n,) signed distances of points (n, 2) from the centre, along the heading and across."""
+        offset = np.asarray(points_m, np.float64).reshape(-1, 2) - self.centre_m
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        return offset @ [cos, sin], offset @ [-sin, cos]
+
+    def cells(
+        self, grid: OccupancyGrid, *, wider_m: float = 0.0, deeper_m: float = 0.0
+    ) -> NDArray[np.int64]:
+        """(n, 2) row and column of the free cells with their centres inside, in row-major order."""
+        reach = np.hypot(self.width_m / 2 + wider_m, self.depth_m / 2 + deeper_m)
+        low, high = grid.cells_at_m([self.centre_m])[0] + np.array([[-1], [1]]) * (
+            int(min(reach / grid.resolution_m, _FARTHEST)) + 1
+        )
+        low, high = np.maximum(low, 0), np.minimum(high + 1, grid.shape)
+        if (low >= high).any():
+            return np.empty((0, 2), np.int64)
+        part = grid.cells[low[0] : high[0], low[1] : high[1]]
+        cells = np.argwhere(part == FREE) + low
+        inside = self.contains(grid.cell_centres_m(cells), wider_m=wider_m, deeper_m=deeper_m)
+        return np.asarray(cells[inside])
+
 
 MOST_HALF_WIDTH_M = 1.6
 """Openings with more clearance than this are not gates."""
@@ -26,42 +96,31 @@ N_DIRECTIONS = 24
 OFFSETS_M = np.arange(-15, 16) / 10
 """Positions of the width profile: up to 1.5 m before and behind a gate."""
 
-_LONGEST_M = 3.0
-"""Length limit of a chord on each side."""
+_LONGEST_M = 3.0  # length limit of a chord on each side
 
+# A gate's depth ends where the passage is wider than its narrowest width by this much.
 _WIDER, _WIDER_M = 1.25, 0.1
-"""A gate's depth ends where the passage is wider than its narrowest width by this much."""
 
+# Largest depth of gates at cuts, where nothing narrows; walls are rarely thicker.
 _MOST_DEPTH_AT_CUTS_M = 0.4
-"""Largest depth of gates at cuts, where nothing narrows; walls are rarely thicker."""
 
+# Largest distance to other gates as a feature, and radius within which they are counted.
 _FARTHEST_M, _NEAR_M = 10.0, 3.0
-"""Largest distance to other gates as a feature, and radius within which they are counted."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gates:
-    """The candidate gates of a map, sorted by the segments on either side.
+    """The candidate gates of a map, sorted by the segments on either side."""
 
-    Parameters
-    ----------
-    segmentation : Segmentation
-        The segmentation of the map; gates belong to its finest scale.
-    openings : Openings
-        The G gaps, split at obstacles that segmentation ignores.
-    centre_m : (G, 2) float64
-    heading_rad, width_m, depth_m : (G,) float64
-        See :class:`~pgm_places.spaces.gate.Gate`.
-    profile_m : (G, 31) float64
-        Width of the free space from 1.5 m before to 1.5 m behind, every 0.1 m; wider side last.
-    """
-
-    segmentation: Segmentation
-    openings: Openings
-    centre_m: NDArray[np.float64]
+    segmentation: Segmentation  # the segmentation of the map; gates belong to its finest scale
+    openings: Openings  # the G gaps, split at obstacles that segmentation ignores
+    centre_m: NDArray[np.float64]  # (G, 2)
+    # heading_rad, width_m, depth_m: (G,) see :class:`~pgm_places.spaces.gates.Gate`
     heading_rad: NDArray[np.float64]
     width_m: NDArray[np.float64]
     depth_m: NDArray[np.float64]
+    # (G, 31) width of the free space from 1.5 m before to 1.5 m behind, every 0.1 m; wider side
+    # last
     profile_m: NDArray[np.float64]
 
     def __len__(self) -> int:

@@ -10,33 +10,20 @@ from numpy.typing import NDArray
 from pgm_places._core import number_openings
 from pgm_places.spaces.basins import half_width_m
 
-_REACH = 2
-"""Largest distance of neighbouring sites of a border, in half cells."""
+_REACH = 2  # largest distance of neighbouring sites of a border, in half cells
 
 
 @dataclass(frozen=True, eq=False)
 class Borders:
-    """The sites where basins of different segments touch.
+    """The sites where basins of different segments touch."""
 
-    Parameters
-    ----------
-    halves_rc : (M, 2) int32
-        Row and column halfway between the two cells, in half cells; for a cell between the basins,
-        twice its own.
-    basins : (M, 2) int32
-        The two basins, the smaller number first.
-    relief : (M,) int32
-        The lower of the two cells' heights.
-    is_side : (M,) bool
-        Whether the cells share a side rather than a corner.
-    is_free : (M,) bool
-        Whether both cells are free on the map, that is, neither is a filled obstacle.
-    """
-
+    # (M, 2) row and column halfway between the two cells, in half cells; for a cell between the
+    # basins, twice its own
     halves_rc: NDArray[np.int32]
-    basins: NDArray[np.int32]
-    relief: NDArray[np.int32]
-    is_side: NDArray[np.bool_]
+    basins: NDArray[np.int32]  # (M, 2) the two basins, the smaller number first
+    relief: NDArray[np.int32]  # (M,) the lower of the two cells' heights
+    is_side: NDArray[np.bool_]  # (M,) whether the cells share a side rather than a corner
+    # (M,) whether both cells are free on the map, that is, neither is a filled obstacle
     is_free: NDArray[np.bool_]
 
     def free_ones(self) -> Self:
@@ -46,37 +33,20 @@ class Borders:
 
 @dataclass(frozen=True, eq=False)
 class Openings:
-    """The gaps between segments; two segments may share several.
+    """The gaps between segments; two segments may share several."""
 
-    Parameters
-    ----------
-    segments : (O, 2) int32
-        The two segments, the smaller number first; rows are sorted.
-    half_width_m : (O,) float64
-        Half the width of the free space at the saddle: the largest distance to a wall along the
-        border.
-    saddle_rc : (O, 2) float64
-        Row and column of the saddle; integers are cell centres.
-    centre_rc : (O, 2) float64
-        Middle of the border.
-    direction_rc : (O, 2) float64
-        Unit vector along the border; (0, 0) if it has no direction.
-    length_m : (O,) float64
-        Extent along the border, at least one cell.
-    sides : (O,) int64
-        Sides of cells along the border.
-    basins : (O, 2) int32
-        Two basins that touch at the saddle.
-    """
-
+    # (O, 2) the two segments, the smaller number first; rows are sorted
     segments: NDArray[np.int32]
+    # (O,) half the width of the free space at the saddle: the largest distance to a wall along the
+    # border
     half_width_m: NDArray[np.float64]
-    saddle_rc: NDArray[np.float64]
-    centre_rc: NDArray[np.float64]
+    saddle_rc: NDArray[np.float64]  # (O, 2) row and column of the saddle; integers are cell centres
+    centre_rc: NDArray[np.float64]  # (O, 2) middle of the border
+    # (O, 2) unit vector along the border; (0, 0) if it has no direction
     direction_rc: NDArray[np.float64]
-    length_m: NDArray[np.float64]
-    sides: NDArray[np.int64]
-    basins: NDArray[np.int32]
+    length_m: NDArray[np.float64]  # (O,) extent along the border, at least one cell
+    sides: NDArray[np.int64]  # (O,) sides of cells along the border
+    basins: NDArray[np.int32]  # (O, 2) two basins that touch at the saddle
 
     def __len__(self) -> int:
         return len(self.segments)
@@ -91,16 +61,8 @@ def find_openings(
 ) -> list[Openings]:
     """The openings between the segments of each division.
 
-    Parameters
-    ----------
-    borders : Borders
-        The borders of a division at least as fine as all of them.
-    divisions : (D, B) int32
-        Segment of each basin in each division.
-    resolution_m : float
-
-    Sites of one pair of segments belong to the same opening if they are at most a cell apart, so
-    that a pillar or a wall between two doors separates two openings.
+    ``borders``: the borders of a division at least as fine as all of them. ``divisions`` (D, B):
+    segment of each basin in each division.
     """
     first = np.cumsum([0, *(divisions.max(axis=1, initial=-1) + 1)])
     openings = _all_openings(borders, divisions, first, resolution_m)

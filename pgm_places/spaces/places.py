@@ -9,14 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
-from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.segment_features import components, neighbour_lists, segment_features
 from pgm_places.spaces.segmentation import SpaceSegments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 
-_UNIT = 1e-9
-"""Unit of weights, so that their sums do not depend on the order."""
+_UNIT = 1e-9  # unit of weights, so that their sums do not depend on the order
 
 
 def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -27,15 +25,9 @@ def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -
     et al., 2015), a heuristic for a small sum of weights between groups. Groups of equal weight are
     joined at once, so that the result does not depend on the numbers of the nodes.
 
-    Parameters
-    ----------
-    count : int
-        N, the number of nodes.
-    pairs : (E, 2) int
-        Pairs of nodes; other pairs have no weight, which equals a weight of -0.
-    weights : (E,) float64
-        Positive if a pair belongs together, negative if not. A weight of inf always joins; -inf
-        outweighs all other weights.
+    ``count``: N, the number of nodes. ``pairs`` (E, 2): pairs of nodes; other pairs have no weight,
+    which equals a weight of -0. ``weights`` (E,): positive if a pair belongs together, negative if
+    not. A weight of inf always joins; -inf outweighs all other weights.
 
     Examples
     --------
@@ -114,31 +106,20 @@ def _contracted(groups: _Groups) -> NDArray[np.int64]:
     return np.array(joined, np.int64).reshape(-1, 2)
 
 
-_SURE = 1e-6
-"""Least distance of uncertain probabilities of gates from 0 and 1."""
+_SURE = 1e-6  # least distance of uncertain probabilities of gates from 0 and 1
 
-_SLIVER_M2 = 2.0
-"""Smaller segments behind an impassable gap are corners of a place, not places."""
+_SLIVER_M2 = 2.0  # smaller segments behind an impassable gap are corners of a place, not places
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The segments of the finest scale, joined unless a doorway separates them.
-
-    Parameters
-    ----------
-    gates : Gates
-    accepted : (G,) bool
-        Which gates are accepted as doorways.
-    segments : Segments
-        The places as a division of the open space, with areas, openings, raster and graph.
-    gate_places : (G, 2) int32
-        The two places on either side of each gate, possibly the same.
-    """
+    """The segments of the finest scale, joined unless a doorway separates them."""
 
     gates: Gates
-    accepted: NDArray[np.bool_]
+    accepted: NDArray[np.bool_]  # (G,) which gates are accepted as doorways
+    # the places as a division of the open space, with areas, openings, raster and graph
     segments: SpaceSegments
+    # (G, 2) the two places on either side of each gate, possibly the same
     gate_places: NDArray[np.int32]
 
     @property
@@ -170,15 +151,10 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     and join nothing; but segments under 2 m2 without another way out join the neighbour behind
     their widest gap.
 
-    Parameters
-    ----------
-    gates : Gates
-    accepted : (G,) bool or float
-        Which gates are doorways, or their probabilities. Booleans, and probabilities of exactly 0
-        and 1, are certain: a certain non-doorway joins the segments on its sides regardless of
-        other gates, unless another gate between these two segments is a doorway.
-    threshold : float
-        The probability at which a doorway is undecided, above 0 and below 1.
+    ``accepted`` (G,): which gates are doorways, or their probabilities. Booleans, and probabilities
+    of exactly 0 and 1, are certain: a certain non-doorway joins the segments on its sides
+    regardless of other gates, unless another gate between these two segments is a doorway.
+    ``threshold``: the probability at which a doorway is undecided, above 0 and below 1.
 
     Examples
     --------
@@ -295,18 +271,6 @@ def neighbour_graph(places: Places) -> LabelGraph:
     Rooms of one kind are often adjacent along a corridor, without a door between them; the graph
     of ``places`` joins each of them only with the corridor. Places across walls thicker than
     0.6 m, or across shafts between two walls, are not neighbours.
-
-    Examples
-    --------
-    >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
-    >>> from pgm_places.spaces.gates import gate_candidates
-    >>> from pgm_places.spaces.places import places_between
-    >>> from pgm_places.spaces.segmentation import Segmentation
-    >>> cells = np.zeros((20, 42), np.int8)
-    >>> cells[:, 20:22] = 100  # two rooms and a wall of 0.4 m
-    >>> gates = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))
-    >>> neighbour_graph(places_between(gates, np.zeros(len(gates), bool))).edges.tolist()
-    [[0, 1]]
     """
     resolution_m = places.gates.segmentation.watershed.grid.resolution_m
     pairs, shared_m = shared_walls(places.segments.raster(), resolution_m)
@@ -324,12 +288,7 @@ def shared_walls(
     share one side of a cell. Walls along the axes of the map have their true length, oblique ones
     up to 1.41 times their length.
 
-    Parameters
-    ----------
-    place : (H, W) int32
-        The place of each cell, -1 for none.
-    resolution_m : float
-    widest_wall_m : float
+    ``place`` (H, W): the place of each cell, -1 for none.
     """
     reach = int(widest_wall_m / resolution_m + 1e-6) + 1
     runs = [np.empty((0, 2), np.int32)]

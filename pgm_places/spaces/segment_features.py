@@ -1,4 +1,4 @@
-"""The features of segments, one row per segment: shape, openings, and position."""
+"""The features of segments: shape, openings, and position in the graph of segments."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,24 +8,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._core import add_paths, gather_basins, largest_rests
+from pgm_places._core import add_paths, gather_basins, largest_rests, number_components
 from pgm_places.spaces.basins import N_RECTANGLES, clearance_m
-from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.segmentation import SpaceSegments
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
 
 
+def neighbour_lists(
+    pairs: NDArray[np.integer], count: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(N + 1,) start of each node's neighbours, and the neighbours, ascending.
+
+    ``pairs`` (E, 2): the edges, in any direction. ``count``: N, the number of nodes.
+
+    Examples
+    --------
+    >>> start, neighbour = neighbour_lists(np.array([[0, 2], [1, 0]]), 3)
+    >>> start.tolist(), neighbour.tolist()
+    ([0, 2, 3, 4], [1, 2, 0, 0])
+    """
+    i, j = pairs.T.astype(np.int64)
+    n = max(count, 1)
+    ends = np.sort(np.concatenate([i * n + j, j * n + i]))
+    start = np.searchsorted(ends, np.arange(count + 1) * n)
+    return start.astype(np.int32), (ends % n).astype(np.int32)
+
+
+def components(start: NDArray[np.int32], neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(N,) component of each node, numbered in the order of their first nodes."""
+    component = np.empty(len(start) - 1, np.int32)
+    number_components(start, neighbour, component)
+    return component
+
+
 @dataclass(frozen=True, eq=False)
 class SegmentRows:
-    """The segments of several divisions of a map, concatenated.
+    """The segments of several divisions of a map, concatenated."""
 
-    Parameters
-    ----------
-    divisions : sequence of Segments
-        At least one.
-    """
-
-    divisions: Sequence[SpaceSegments]
+    divisions: Sequence[SpaceSegments]  # at least one
 
     @cached_property
     def first(self) -> NDArray[np.int64]:
@@ -98,14 +118,6 @@ def segment_features(*divisions: SpaceSegments) -> NDArray[np.float64]:
 
     ``SEGMENT_FEATURES`` defines the columns. The segments of several divisions of a map are
     concatenated; divisions do not influence each other.
-
-    Examples
-    --------
-    >>> from pgm_places.simulation import generate_building
-    >>> from pgm_places.spaces.segmentation import Segmentation
-    >>> scale = Segmentation.of(generate_building(size="small").grid).scales[0]
-    >>> segment_features(scale).shape == (scale.count, 37)
-    True
     """
     segments = SegmentRows(divisions)
     if not segments.count:
@@ -172,18 +184,7 @@ def betweenness(
     1000 nodes, only paths from the 1000 nodes with the largest areas count: the time grows with
     sources times edges.
 
-    Parameters
-    ----------
-    start, neighbour : (N + 1,) and (2 E,) int32
-        The neighbours of each node (:func:`pgm_places.spaces.components.neighbour_lists`).
-    area_m2 : (N,) float
-
-    Examples
-    --------
-    >>> from pgm_places.spaces.components import neighbour_lists
-    >>> chain = neighbour_lists(np.array([[0, 1], [1, 2]]), 3)
-    >>> betweenness(*chain, np.ones(3)).tolist()
-    [0.0, 1.0, 0.0]
+    ``start`` and ``neighbour`` are those of :func:`neighbour_lists`; ``area_m2`` has shape (N,).
     """
     component = components(start, neighbour)
     sources = np.argsort(-area_m2, kind="stable")
@@ -198,13 +199,6 @@ def area_cut_off(
     """(N,) share of its component that each node cuts off from the largest remaining part.
 
     0 if the rest remains connected without it. Arguments as :func:`betweenness`.
-
-    Examples
-    --------
-    >>> from pgm_places.spaces.components import neighbour_lists
-    >>> chain = neighbour_lists(np.array([[0, 1], [1, 2]]), 3)
-    >>> area_cut_off(*chain, np.array([1.0, 5.0, 3.0])).tolist()
-    [0.0, 0.25, 0.0]
     """
     rest, total = np.zeros(len(area_m2)), np.zeros(len(area_m2))
     largest_rests(start, neighbour, np.ascontiguousarray(area_m2, np.float64), rest, total)

@@ -35,28 +35,18 @@ RATIOS: tuple[float, ...] = (0.9, 0.75, 0.6)
 """Neighbours are merged if the pass between them is wider than this share of the smaller one's
 radius: the larger the share, the finer the segments."""
 
-_LEAST_RADIUS_M = 0.15
-"""Narrower basins, such as gaps between specks, always join a neighbour."""
+_LEAST_RADIUS_M = 0.15  # narrower basins, such as gaps between specks, always join a neighbour
 
 
 @dataclass(frozen=True, eq=False)
 class Watershed:
-    """The common basis of all divisions of a map's open space.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    relief : (H + 2, W + 2) int32
-        Smoothed distance to the nearest wall, with a frame; see ``relief_of``.
-    basins : Basins
-    borders : Borders
-        Where the segments of the finest scale touch.
-    """
+    """The common basis of all divisions of a map's open space."""
 
     grid: OccupancyGrid
+    # (H + 2, W + 2) smoothed distance to the nearest wall, with a frame; see ``relief_of``
     relief: NDArray[np.int32]
     basins: Basins
-    borders: Borders
+    borders: Borders  # where the segments of the finest scale touch
 
     @cached_property
     def sums(self) -> BasinSums:
@@ -82,21 +72,13 @@ class Watershed:
 
 @dataclass(frozen=True, eq=False)
 class SpaceSegments:
-    """One division of open space: the segment of each basin, and the openings between segments.
-
-    Parameters
-    ----------
-    watershed : Watershed
-    segment_of : (B + n_lines,) int32
-        Segment of each basin and of each line between basins, -1 for lines between segments.
-        Segments are numbered in the order of their first summit.
-    openings : Openings
-        Where segments touch.
-    """
+    """One division of open space: the segment of each basin, and the openings between segments."""
 
     watershed: Watershed
+    # (B + n_lines,) segment of each basin and of each line between basins, -1 for lines between
+    # segments. Segments are numbered in the order of their first summit.
     segment_of: NDArray[np.int32]
-    openings: Openings
+    openings: Openings  # where segments touch
 
     @property
     def count(self) -> int:

@@ -10,18 +10,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SpaceSpec:
-    """One feature: its short name and its definition.
+    """One feature: its short name and its definition."""
 
-    Parameters
-    ----------
-    id
-        Name of the feature; the name of a column adds the scale: ``aspect[0.9]``.
-    definition
-        The definition; lengths in metres.
-    """
-
-    id: str
-    definition: str
+    id: str  # name of the feature; the name of a column adds the scale: ``aspect[0.9]``
+    definition: str  # the definition; lengths in metres
 
 
 SHAPE_FEATURES: tuple[SpaceSpec, ...] = (
@@ -62,16 +54,8 @@ POSITION_FEATURES: tuple[SpaceSpec, ...] = (
 )
 
 _OF_LARGEST = (
-    "area",
-    "radius",
-    "aspect",
-    "filling",
-    "discs",
-    "openings",
-    "narrow",
-    "betweenness",
-    "cut",
-)
+    "area", "radius", "aspect", "filling", "discs", "openings", "narrow", "betweenness", "cut",
+)  # fmt: skip
 
 OWN_FEATURES = (*SHAPE_FEATURES, *OPENING_FEATURES, *POSITION_FEATURES)
 
@@ -95,22 +79,9 @@ Its ``clearance``, the distance to the nearest wall, is the same at all scales.
 
 
 _SIDES = (
-    "area",
-    "radius",
-    "clearance_share",
-    "roundness",
-    "long",
-    "aspect",
-    "filling",
-    "discs",
-    "openings",
-    "narrow",
-    "open_share",
-    "betweenness",
-    "cut",
-    "radius_share",
-    "furniture",
-)
+    "area", "radius", "clearance_share", "roundness", "long", "aspect", "filling", "discs",
+    "openings", "narrow", "open_share", "betweenness", "cut", "radius_share", "furniture",
+)  # fmt: skip
 
 GATE_SHAPE_FEATURES: tuple[SpaceSpec, ...] = (
     SpaceSpec("half_width", "half width at the saddle of its gap"),

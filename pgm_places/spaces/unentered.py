@@ -194,10 +194,8 @@ class _Sums(NamedTuple):
     at_walls: NDArray[np.int64]
     at_unknown: NDArray[np.int64]
     at_others: NDArray[np.int64]
-    n_free: NDArray[np.int64]
-    """Cells that are free, not filled."""
-    largest: NDArray[np.int64]
-    """The largest of some values of its cells."""
+    n_free: NDArray[np.int64]  # cells that are free, not filled
+    largest: NDArray[np.int64]  # the largest of some values of its cells
 
 
 class _Raster:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.topological_map import TopologicalMap

@@ -21,7 +21,7 @@ from pgm_places.models.further_boosting import TeachingExamples
 from pgm_places.models.mrf import PottsField
 from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.doorways import match_doors
 from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.teaching.training_selection import (
@@ -33,8 +33,7 @@ from pgm_places.teaching.training_selection import (
 from pgm_places.unary.floor_model import FloorJudge
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
-from pgm_places.unary.space_learning import gate_list
-from pgm_places.unary.space_model import MapSpaces, SpaceModel
+from pgm_places.unary.space_model import MapSpaces, SpaceModel, gate_list
 from pgm_places.unary.training_cells import training_features
 
 

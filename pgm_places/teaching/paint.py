@@ -17,8 +17,8 @@ from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.regions import load_regions, read_regions
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.geojson import LOCAL_METRES
 from pgm_places.topology.outlines import outlines
+from pgm_places.topology.topological_map import LOCAL_METRES
 
 LINE_WIDTH_M = 0.2
 """Default width of the lines of a GeoJSON file (m)."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.regions import Region
 
 

@@ -15,9 +15,6 @@ from pgm_places.maps.components import Components, connected_components
 from pgm_places.topology.regions import contacts
 from pgm_places.topology.rules import CorrectionRules
 
-__all__ = ["Correction", "CorrectionRules", "correct_regions"]
-
-
 LabelType = TypeVar("LabelType", np.int16, np.int32)
 
 
@@ -56,21 +53,10 @@ def correct_regions(
     remaining wrong regions are dropped: a robot cannot reach such specks, which are free cells
     inside furniture or behind windows.
 
-    Parameters
-    ----------
-    labels : (H, W) int16 or int32
-        Label per cell, -1 for none.
-    label_names : sequence of str
-        Labels with equal names are distinct.
-    resolution_m : float
-        Side of a cell.
-    rules : CorrectionRules, optional
-    fixed_doorways : bool
-        Regions become part of a doorway only if they touch nothing else.
-    free : (H, W) bool, optional
-        Cells on which a disc of ``min_clearance_m`` may lie; by default the labelled cells.
-
-    Every correction merges regions, so the procedure ends.
+    ``labels`` (H, W): label per cell, -1 for none. ``label_names``: labels with equal names are
+    distinct. ``resolution_m``: side of a cell. ``fixed_doorways``: regions become part of a doorway
+    only if they touch nothing else. ``free`` (H, W): cells on which a disc of ``min_clearance_m``
+    may lie; by default the labelled cells.
     """
     rules = rules or CorrectionRules()
     pieces = connected_components(np.asarray(labels))

@@ -23,32 +23,21 @@ Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 MOST_TOGETHER = 3
 """Most openings that are cut together; more are ways around furniture, not between rooms."""
 
-_LEAST_PART_M2 = 0.1
-"""Smaller pieces beside a line join the adjacent part."""
+_LEAST_PART_M2 = 0.1  # smaller pieces beside a line join the adjacent part
 
 _N_DIRECTIONS = 24
 
+# A jamb is at most twice as thick as where it is looked behind, and stands out by this much.
 _BESIDE_M, _JAMB_M = (0.2, 0.35), 0.15
-"""A jamb is at most twice as thick as where it is looked behind, and stands out by this much."""
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """The parts into which cuts divide a place.
+    """The parts into which cuts divide a place."""
 
-    Parameters
-    ----------
-    cells : (n, 2) int64
-        Row and column of the cells of the place.
-    number : (n,) int64
-        The part of each cell, 0 for the largest.
-    area_m2 : (P,) float64
-        Descending.
-    """
-
-    cells: NDArray[np.int64]
-    number: NDArray[np.int64]
-    area_m2: NDArray[np.float64]
+    cells: NDArray[np.int64]  # (n, 2) row and column of the cells of the place
+    number: NDArray[np.int64]  # (n,) the part of each cell, 0 for the largest
+    area_m2: NDArray[np.float64]  # (P,) descending
 
     def __len__(self) -> int:
         return len(self.area_m2)
@@ -104,9 +93,9 @@ def _points_along(line: Line, grid: OccupancyGrid) -> NDArray[np.float64]:
 
 def _most_along(line: Line, numbers: NDArray[np.int32], grid: OccupancyGrid, none: int) -> int:
     """The number with the largest share of a line's points; ``none`` without any."""
-    found = at_cells(numbers, grid.cells_at_m(_points_along(line, grid)), none)
-    found = found[found != none]
-    return int(np.bincount(found).argmax()) if len(found) else none
+    numbers_on_line = at_cells(numbers, grid.cells_at_m(_points_along(line, grid)), none)
+    numbers_on_line = numbers_on_line[numbers_on_line != none]
+    return int(np.bincount(numbers_on_line).argmax()) if len(numbers_on_line) else none
 
 
 def cut_cells(grid: OccupancyGrid, cells: NDArray[np.int64], lines: Iterable[Line]) -> Parts:
@@ -117,13 +106,13 @@ def cut_cells(grid: OccupancyGrid, cells: NDArray[np.int64], lines: Iterable[Lin
     cut = np.min(away, axis=0) <= 0.75 * grid.resolution_m
     origin = cells.min(axis=0)
     window = np.full(cells.max(axis=0) - origin + 1, -1, np.int16)
-    kept = cells[~cut] - origin
-    window[kept[:, 0], kept[:, 1]] = 0
+    uncut = cells[~cut] - origin
+    window[uncut[:, 0], uncut[:, 1]] = 0
     parts = connected_components(window)
     large = np.flatnonzero(parts.size * grid.resolution_m**2 >= _LEAST_PART_M2)
     if not len(large):
-        whole_m2 = len(cells) * grid.resolution_m**2
-        return Parts(cells, np.zeros(len(cells), np.int64), np.array([whole_m2]))
+        total_m2 = len(cells) * grid.resolution_m**2
+        return Parts(cells, np.zeros(len(cells), np.int64), np.array([total_m2]))
     order = large[np.argsort(-parts.size[large], kind="stable")]
     rank = np.full(parts.count + 1, -1)  # the last is for cells of no piece
     rank[order] = np.arange(len(order))

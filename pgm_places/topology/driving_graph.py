@@ -18,18 +18,11 @@ Cell = tuple[int, int]
 
 
 class Skeleton(NamedTuple):
-    """Points at which ways begin, end or meet, and the ways between them.
+    """Points at which ways begin, end or meet, and the ways between them."""
 
-    Parameters
-    ----------
-    points : list of (int, int)
-        Cells; the targets come first, in their order.
-    ways : list of (n, 2) int64
-        Cells from one point to another, both included; consecutive cells are neighbours, except
-        at the first and the last step, which may be a few cells long.
-    """
-
-    points: list[Cell]
+    points: list[Cell]  # cells; the targets come first, in their order
+    # cells from one point to another, both included; consecutive cells are neighbours, except at
+    # the first and the last step, which may be a few cells long
     ways: list[NDArray[np.int64]]
 
 
@@ -38,30 +31,19 @@ def skeleton_of(
 ) -> Skeleton:
     """The skeleton that connects all targets, surrounds every obstacle, and has no other ends.
 
-    Parameters
-    ----------
-    inside : (H, W) bool
-        The space; False along the edges of the raster.
-    clearance : (H, W) int32
-        Squared distance to the nearest obstacle; ways follow its maxima.
-    targets : (T, 2) int64
-        Cells inside, all different.
-
-    Examples
-    --------
-    >>> inside = np.zeros((5, 9), bool)
-    >>> inside[1:4, 1:8] = True
-    >>> from pgm_places.maps.clearance import squared_clearance
-    >>> found = skeleton_of(inside, squared_clearance(~inside), np.array([[2, 1], [2, 7]]))
-    >>> found.points, found.ways[0].tolist()
-    ([(2, 1), (2, 7)], [[2, 1], [2, 2], [2, 3], [2, 4], [2, 5], [2, 6], [2, 7]])
+    ``inside`` (H, W): the space; False along the edges of the raster. ``clearance`` (H, W): squared
+    distance to the nearest obstacle; ways follow its maxima. ``targets`` (T, 2): cells inside, all
+    different.
     """
     clearance = np.ascontiguousarray(clearance, np.int32)
-    thinned, kept = inside.copy(), np.zeros(inside.shape, np.bool_)
-    kept[targets[:, 0], targets[:, 1]] = True
-    thin(thinned, clearance, kept)
+    thinned, is_target = inside.copy(), np.zeros(inside.shape, np.bool_)
+    is_target[targets[:, 0], targets[:, 1]] = True
+    thin(thinned, clearance, is_target)
     cells = {(int(r), int(c)) for r, c in np.argwhere(thinned)}
-    near = {cell: [other for other in _neighbours(cell) if other in cells] for cell in cells}
+    near = {
+        (r, c): [(r + dr, c + dc) for dr, dc in _AROUND if (r + dr, c + dc) in cells]
+        for r, c in cells
+    }
     points = [(int(r), int(c)) for r, c in targets]
     point_of = {cell: k for k, cell in enumerate(points)}
     meets = np.zeros(inside.shape, np.bool_)
@@ -80,15 +62,11 @@ def skeleton_of(
     return Skeleton(points, _ways(points, point_of, near))
 
 
-def _neighbours(cell: Cell) -> list[Cell]:
-    return [(cell[0] + dr, cell[1] + dc) for dr, dc in _AROUND]
-
-
 def _ways(
     points: list[Cell], point_of: dict[Cell, int], near: dict[Cell, list[Cell]]
 ) -> list[NDArray[np.int64]]:
     """The ways between points, each once, traced from each point along its branches."""
-    found, walked = [], set()
+    ways, walked = [], set()
     for start, first in point_of.items():
         for step in near[start]:
             if point_of.get(step) == first or (start, step) in walked:
@@ -102,8 +80,8 @@ def _ways(
             if way[-1] in point_of:
                 walked.add((way[-1], way[-2]))
                 last = point_of[way[-1]]
-                found.append(np.array([points[first], *way[1:-1], points[last]], np.int64))
-    return found
+                ways.append(np.array([points[first], *way[1:-1], points[last]], np.int64))
+    return ways
 
 
 class RouteSpace:
@@ -142,16 +120,16 @@ class RouteSpace:
 
     def clearances(self, ends: NDArray[np.float64], most: float) -> NDArray[np.float64]:
         """Distance in cells from segments (M, 4) to the nearest obstacle, up to ``most``."""
-        found = np.empty(len(ends))
-        segment_clearances(self.blocked, ends, np.full(len(ends), most), found)
-        return found
+        distances = np.empty(len(ends))
+        segment_clearances(self.blocked, ends, np.full(len(ends), most), distances)
+        return distances
 
     def are_good(self, ends: NDArray[np.float64], room: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which segments (M, 4) have a clearance (M,) in cells, and stay in their ends' places."""
-        found, good = np.empty(len(ends)), np.empty(len(ends), np.bool_)
-        segment_clearances(self.blocked, ends, room + 1e-9, found)
+        distances, good = np.empty(len(ends)), np.empty(len(ends), np.bool_)
+        segment_clearances(self.blocked, ends, room + 1e-9, distances)
         stays_between(self.region, ends, good)
-        return good & (found >= room)
+        return good & (distances >= room)
 
     def region_at(self, place: NDArray[np.float64]) -> int:
         """Id of the place at a row and column, 0 for none."""

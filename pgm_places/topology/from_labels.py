@@ -22,14 +22,13 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.windows import KnownWindow
 from pgm_places.options import AtLeastZero
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
-from pgm_places.topology.connections import connections_of
-from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
+from pgm_places.spaces.gates import Gate
+from pgm_places.topology.corrections import Correction, correct_regions
 from pgm_places.topology.cuts import Line, cut_pieces
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
-from pgm_places.topology.naming import name_places
-from pgm_places.topology.place_ids import PlaceIds, number_on
-from pgm_places.topology.regions import deepest_cells, describe_regions
+from pgm_places.topology.place_ids import PlaceIds, name_places, number_on
+from pgm_places.topology.regions import connections_of, deepest_cells, describe_regions
+from pgm_places.topology.rules import CorrectionRules
 from pgm_places.topology.topological_map import TopologicalMap
 
 
@@ -42,24 +41,11 @@ def mean_probabilities(
 ) -> NDArray[np.float64]:
     """(P, K) mean probability of each label in each piece, NaN for pieces without probabilities.
 
-    Parameters
-    ----------
-    pieces : Components
-    beliefs : (N, K) float
-        Probabilities of the labels at the nodes of ``layout``.
-    layout : GridLayout
-        The cells of ``beliefs``: those of the map or of a coarser version of it.
-    n_labels : int
-        K.
-    grid : OccupancyGrid
-        The map of the pieces.
+    ``beliefs`` (N, K): probabilities of the labels at the nodes of ``layout``. ``layout``: the
+    cells of ``beliefs``: those of the map or of a coarser version of it. ``n_labels``: K. ``grid``:
+    the map of the pieces.
 
-    Raises
-    ------
-    InputError
-        There are beliefs but no layout.
-    MapError
-        The layout belongs to another map.
+    InputError: there are beliefs but no layout. MapError: the layout belongs to another map.
     """
     if layout is None:
         raise InputError("beliefs need the layout of their nodes; pass layout as well")
@@ -148,10 +134,10 @@ def topological_map(
     Examples
     --------
     >>> grid = OccupancyGrid([[0, 0, 0, 0, 0, 0]], resolution_m=1.0)
-    >>> found = topological_map(grid, [[0, 0, 1, 2, 2, 2]], ["room", "doorway", "corridor"])
-    >>> [region.name for region in found.path("room 1", "corridor 2")]
+    >>> places = topological_map(grid, [[0, 0, 1, 2, 2, 2]], ["room", "doorway", "corridor"])
+    >>> [region.name for region in places.path("room 1", "corridor 2")]
     ['room 1', 'doorway 3', 'corridor 2']
-    >>> found.region_at(2.5, 0.5).name
+    >>> places.region_at(2.5, 0.5).name
     'doorway 3'
     """
     names = tuple(str(name) for name in label_names)
@@ -160,7 +146,9 @@ def topological_map(
     window = KnownWindow.of(grid, multiple=_cells_of_blocks(grid, layout))
     if window is not None:
         part = window.crop(grid)
-        found = topological_map(
+        if doorways is not None:
+            doorways = replace(doorways, grid=part, place=window.cut(doorways.place_on(grid)))
+        cropped = topological_map(
             part,
             window.cut(raster),
             names,
@@ -173,10 +161,10 @@ def topological_map(
             own_names=own_names,
             tolerance=tolerance,
             min_width_m=min_width_m,
-            doorways=None if doorways is None else _part_of_doorways(doorways, grid, window, part),
+            doorways=doorways,
             cuts=cuts,
         )
-        return _on_whole(found, grid, window)
+        return _on_whole(cropped, grid, window)
     if doorways is not None and len(doorways) and rules.doorway_label in names:
         divided = pieces_between(raster, grid, names, doorways, rules, correct=correct)
     else:
@@ -244,21 +232,15 @@ def _part_of_layout(layout: GridLayout, window: KnownWindow, part: OccupancyGrid
     return GridLayout.of_mask(mask, held)
 
 
-def _part_of_doorways(
-    doorways: Doorways, grid: OccupancyGrid, window: KnownWindow, part: OccupancyGrid
-) -> Doorways:
-    return replace(doorways, grid=part, place=window.cut(doorways.place_on(grid)))
-
-
-def _on_whole(found: TopologicalMap, grid: OccupancyGrid, window: KnownWindow) -> TopologicalMap:
+def _on_whole(cropped: TopologicalMap, grid: OccupancyGrid, window: KnownWindow) -> TopologicalMap:
     """The topological map of a window, on the full map."""
     first = window.rows.start, window.columns.start
     corrections = tuple(
         replace(each, cell_rc=(each.cell_rc[0] + first[0], each.cell_rc[1] + first[1]))
-        for each in found.corrections
+        for each in cropped.corrections
     )
-    region = freeze(window.paste(found.region, 0))
-    return replace(found, grid=grid, region=region, corrections=corrections)
+    region = freeze(window.paste(cropped.region, 0))
+    return replace(cropped, grid=grid, region=region, corrections=corrections)
 
 
 def _labelled_pieces(

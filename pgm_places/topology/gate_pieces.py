@@ -11,7 +11,8 @@ from pgm_places.graph.bands import bands_of_rows, counted
 from pgm_places.maps.components import Components, connected_components, number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
+from pgm_places.topology.corrections import Correction, correct_regions
+from pgm_places.topology.rules import CorrectionRules
 
 Numbers: TypeAlias = NDArray[np.int16] | NDArray[np.int32]
 
@@ -20,20 +21,11 @@ _NEIGHBOURS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 @dataclass(frozen=True, eq=False)
 class GatePieces:
-    """The pieces of a map whose doorways are gates.
-
-    Parameters
-    ----------
-    pieces : Components
-    gate : (R,) int64
-        Number of each piece's gate, -1 for pieces of places.
-    corrections : tuple of Correction
-        The relabelled pieces.
-    """
+    """The pieces of a map whose doorways are gates."""
 
     pieces: Components
-    gate: NDArray[np.int64]
-    corrections: tuple[Correction, ...]
+    gate: NDArray[np.int64]  # (R,) number of each piece's gate, -1 for pieces of places
+    corrections: tuple[Correction, ...]  # the relabelled pieces
 
 
 def pieces_between(
@@ -52,21 +44,12 @@ def pieces_between(
     cells of one label in two places are two pieces. Cells labelled as doorways but outside all
     gates take the nearest other label of their place.
 
-    Parameters
-    ----------
-    labels : (H, W) int16
-        Label per cell, -1 for none; labels of cells that are not free are ignored.
-    grid : OccupancyGrid
-    label_names : sequence of str
-        The label of doorways among them.
-    doorways : Doorways
-        The gates of the map, possibly at another resolution.
-    rules : CorrectionRules
-        Pieces of places below ``min_area_m2``, or without room for a disc of
-        ``min_clearance_m``, get the label and place of the neighbour with the longest border; a
-        gate counts as a neighbour only if there is no other. Gates are not corrected.
-    correct : bool
-        Whether to apply these corrections.
+    ``labels`` (H, W): label per cell, -1 for none; labels of cells that are not free are ignored.
+    ``label_names``: the label of doorways among them. ``doorways``: the gates of the map, possibly
+    at another resolution. ``rules``: pieces of places below ``min_area_m2``, or without room for a
+    disc of ``min_clearance_m``, get the label and place of the neighbour with the longest border; a
+    gate counts as a neighbour only if there is no other. Gates are not corrected. ``correct``:
+    whether to apply these corrections.
     """
     division = _Division(labels, grid, label_names, doorways, rules)
     log = division.without_gate()
@@ -162,17 +145,19 @@ class _Division:
 
     def relabel(self) -> None:
         """Give painted doorways outside gates another label of their place."""
-        found, painted, n_labels = self.labels.copy(), self.painted, len(self.names)
+        labels, painted, n_labels = self.labels.copy(), self.painted, len(self.names)
         counts = np.zeros(n_labels, np.int64)
         for rows in self.bands:
-            found[rows][painted[rows] | (self.gate[rows] >= 0)] = -1
-            counts += np.bincount(found[rows][found[rows] >= 0], minlength=n_labels)
-        grow(found, painted, self.place)
+            labels[rows][painted[rows] | (self.gate[rows] >= 0)] = -1
+            counts += np.bincount(labels[rows][labels[rows] >= 0], minlength=n_labels)
+        grow(labels, painted, self.place)
         others = [k for k in range(n_labels) if k != self.doorway]
         most = max(others, key=lambda k: counts[k], default=self.doorway)
         for rows in self.bands:
-            found[rows][painted[rows] & (found[rows] < 0)] = most  # places with doorway labels only
-        self.labels = found
+            labels[rows][painted[rows] & (labels[rows] < 0)] = (
+                most  # places with doorway labels only
+            )
+        self.labels = labels
 
     def keys(self, n_gates: int) -> tuple[NDArray[np.int32], list[str]]:
         """A key for each cell's place and label, gates last, and the name of each key."""
@@ -197,7 +182,7 @@ def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doo
     """(H, W) index of the gate at each labelled cell, -1 for none."""
     # Rectangles extend one cell into the walls and are thick enough that no diagonal step between
     # cells passes them.
-    found: Numbers = np.full(grid.shape, -1, number_type(len(doorways)))
+    gate_at: Numbers = np.full(grid.shape, -1, number_type(len(doorways)))
     side = grid.resolution_m
     edge = 1e-6 * side  # cell centres on the edge of a rectangle are inside, whatever its heading
     for g in np.argsort(doorways.probability, kind="stable").tolist():
@@ -205,8 +190,8 @@ def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doo
         thicker = max(0.75 * side - gate.depth_m / 2, 0.0)
         r, c = gate.cells(grid, wider_m=side + edge, deeper_m=thicker + edge).T
         inside = labels[r, c] >= 0
-        found[r[inside], c[inside]] = g
-    return found
+        gate_at[r[inside], c[inside]] = g
+    return gate_at
 
 
 def grow(
@@ -270,7 +255,7 @@ def _pieces(
     number = number[piece_of.reshape(-1)]
     piece = parts.on_cells(number, -1, out=parts.piece)
     size = np.bincount(number, parts.size, len(order)).astype(np.int64)
-    found = parts.label[first[order]].astype(np.int64)
-    gate = np.where(found >= first_gate, found - first_gate, -1)
-    label = np.where(gate >= 0, doorway, found % n_labels).astype(np.int32)
+    keys = parts.label[first[order]].astype(np.int64)
+    gate = np.where(keys >= first_gate, keys - first_gate, -1)
+    label = np.where(gate >= 0, doorway, keys % n_labels).astype(np.int32)
     return GatePieces(Components(piece, label, size), gate, corrections)

@@ -17,16 +17,11 @@ VERTEX = 1
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The outline of a piece.
+    """The outline of a piece."""
 
-    Parameters
-    ----------
-    polygons : tuple of tuples of (n, 2) int32
-        One polygon per part connected by sides of cells. Its rings are closed (the last point is
-        the first): the outline counter-clockwise, then the holes clockwise. Points are cell corners
-        (row, column); corner (0, 0) is the lower left corner of cell (0, 0).
-    """
-
+    # one polygon per part connected by sides of cells. Its rings are closed (the last point is the
+    # first): the outline counter-clockwise, then the holes clockwise. Points are cell corners (row,
+    # column); corner (0, 0) is the lower left corner of cell (0, 0).
     polygons: tuple[tuple[Ring, ...], ...]
 
     @property
@@ -47,13 +42,8 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
     points. Where a piece touches itself only at a corner, there are two polygons, or a hole that
     touches the outline at that point.
 
-    Parameters
-    ----------
-    piece : (H, W) int32
-        Piece of each cell, -1 for none; each in 0..count-1 occurs.
-    count : int
-    tolerance : float
-        In cells; 0 keeps every corner.
+    ``piece`` (H, W): piece of each cell, -1 for none; each in 0..count-1 occurs. ``tolerance``: in
+    cells; 0 keeps every corner.
 
     Examples
     --------
@@ -76,13 +66,13 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
     if tolerance > 0 and n_rings:
         order = np.empty(int(np.diff(starts).max()) + 2, np.int32)
         simplify_arcs(points, is_fixed, starts, tolerance, state, order)
-    kept = (state[points[:, 0], points[:, 1]] & VERTEX) > 0
+    is_vertex = (state[points[:, 0], points[:, 1]] & VERTEX) > 0
     loops: list[list[tuple[Ring, Ring]]] = [[] for _ in range(count)]
     for ring in range(n_rings):
         span = slice(int(starts[ring]), int(starts[ring + 1]))
         for part in _simple_loops(points[span], piece.shape[1] + 1):
             exact = points[span][part]
-            loops[ring_piece[ring]].append((exact, exact[kept[span][part]]))
+            loops[ring_piece[ring]].append((exact, exact[is_vertex[span][part]]))
     return [Outline(tuple(_polygons(parts))) for parts in loops]
 
 

@@ -10,20 +10,17 @@ from pgm_places._checks import freeze, plain_names
 from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology import cuts
-from pgm_places.topology.connections import connections_of
+from pgm_places.topology.checks import split_candidates
 from pgm_places.topology.cuts import Line, Parts
-from pgm_places.topology.naming import name_places
-from pgm_places.topology.regions import Region, describe_regions
-from pgm_places.topology.split_candidates import split_candidates
+from pgm_places.topology.place_ids import name_places
+from pgm_places.topology.regions import Region, connections_of, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
-_WIDER_M = 0.5
-"""Excess width (m) of further openings over the first that is cut."""
+_WIDER_M = 0.5  # excess width (m) of further openings over the first that is cut
 
-_SAME_OPENING_M = 0.5
-"""Greatest distance (m) between the middles of lines in one opening."""
+_SAME_OPENING_M = 0.5  # greatest distance (m) between the middles of lines in one opening
 
 
 def renamed(topology: TopologicalMap, names: Mapping[int, str]) -> TopologicalMap:
@@ -64,10 +61,7 @@ def merged(topology: TopologicalMap, first: int | str, second: int | str) -> Top
 def doorways_between(topology: TopologicalMap, one: Region, other: Region) -> list[Region]:
     """The doorways that connect two places and no others; empty if the places only touch.
 
-    Raises
-    ------
-    InputError
-        Both places are identical, or they neither touch nor share a doorway.
+    InputError: both places are identical, or they neither touch nor share a doorway.
     """
     if one.id == other.id:
         raise InputError(f"{one.name!r} cannot be merged with itself; name two places")
@@ -121,13 +115,13 @@ def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
         The place is unknown, or looks like one room.
     """
     place = topology.place(key)
-    found = [item for item in split_candidates(topology) if item.place.id == place.id]
-    if not found:
+    candidates = [item for item in split_candidates(topology) if item.place.id == place.id]
+    if not candidates:
         raise InputError(
             f"{place.name!r} looks like one room, so there is nothing to split it along; give a "
             "point in an opening, or both ends of a line from wall to wall"
         )
-    return _split(topology, place, cuts.cut_along(topology, place, found[0].lines_m))
+    return _split(topology, place, cuts.cut_along(topology, place, candidates[0].lines_m))
 
 
 def split_all_apart(topology: TopologicalMap) -> TopologicalMap:
@@ -138,13 +132,13 @@ def split_all_apart(topology: TopologicalMap) -> TopologicalMap:
     InputError
         Every place looks like one room.
     """
-    found = split_candidates(topology)
-    if not found:
+    candidates = split_candidates(topology)
+    if not candidates:
         raise InputError(
             "every place looks like one room, so there is nothing to split; name a place and give "
             "a point in an opening, or both ends of a line from wall to wall"
         )
-    for item in found:
+    for item in candidates:
         parts = cuts.cut_along(topology, topology.place(item.place.id), item.lines_m)
         topology = _split(topology, item.place, parts)
     return topology

@@ -1,5 +1,7 @@
-"""Place ids: recognition of the places of earlier maps in the next map."""
+"""Ids and names of places: recognition of the places of earlier maps in the next map."""
 
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, Self
@@ -7,6 +9,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.errors import LabelError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells, raster_shift
@@ -37,23 +40,13 @@ MANY_MAPS = 10
 
 @dataclass
 class RememberedPlace:
-    """A place in its last known state.
-
-    Parameters
-    ----------
-    label, name : str
-    cells : (n, 2) int64
-        Rows and columns in the memory's raster, in row-major order.
-    anchor_m : (float, float)
-    n_maps : int
-        Number of maps with this place.
-    """
+    """A place in its last known state."""
 
     label: str
     name: str
-    cells: NDArray[np.int64]
+    cells: NDArray[np.int64]  # (n, 2) rows and columns in the memory's raster, in row-major order
     anchor_m: tuple[float, float]
-    n_maps: int = 1
+    n_maps: int = 1  # number of maps with this place
 
 
 SAME_MAP, SAME_RASTER, OTHER_MAP = 0.9, 0.95, 0.5
@@ -95,26 +88,12 @@ class PlaceIds:
     Hungarian method); recent and long-lived places get a bonus. A place that is divided and merged
     keeps its id, and its other part gets its old id back after another division.
 
-    Attributes
-    ----------
-    places : mapping of int to RememberedPlace
-        By id.
-    raster : OccupancyGrid or None
-        The raster of their cells; only its frame is used. None before the first map.
-    last : set of int
-        Ids in the last map.
-    next_id : int
-        The first id that has never been used.
-    n_maps : int
-        Number of maps so far.
-    names : mapping of int to str
-        The name of every id.
-    anchors_m : mapping of int to (float, float)
-        Where each place is anchored.
-    merged : mapping of int to int
-        For vanished places of the last map: the place that has most of their area now.
-    parted : mapping of int to int
-        For new places: the place of the previous map that had most of their area.
+    ``places``: by id. ``raster``: the raster of their cells; only its frame is used. None before
+    the first map. ``last``: ids in the last map. ``next_id``: the first id that has never been
+    used. ``n_maps``: number of maps so far. ``names``: the name of every id. ``anchors_m``: where
+    each place is anchored. ``merged``: for vanished places of the last map: the place that has most
+    of their area now. ``parted``: for new places: the place of the previous map that had most of
+    their area.
     """
 
     def __init__(self) -> None:
@@ -236,8 +215,8 @@ class PlaceIds:
         for k, number in enumerate(known):
             row, column = self.places[number].cells.T
             inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-            found = pieces.piece[row[inside], column[inside]]
-            common[:, k] = np.bincount(found[found >= 0], minlength=pieces.count)
+            piece = pieces.piece[row[inside], column[inside]]
+            common[:, k] = np.bincount(piece[piece >= 0], minlength=pieces.count)
         return common
 
     def _scores(
@@ -278,14 +257,14 @@ class PlaceIds:
         small_cells = SMALL_M2 / grid.resolution_m**2
         mine = np.flatnonzero(pieces.size <= small_cells)
         theirs = np.flatnonzero((size > 0) & (size <= small_cells))
-        found = np.zeros((pieces.count, len(places)))
+        nearness = np.zeros((pieces.count, len(places)))
         if not (len(mine) and len(theirs)):
-            return found
+            return nearness
         middle = np.array([places[k].cells.mean(axis=0) for k in theirs.tolist()])
         here = middles(pieces)[mine]
         distance_m = np.hypot(*(here[:, None] - middle).transpose(2, 0, 1)) * grid.resolution_m
-        found[np.ix_(mine, theirs)] = np.maximum(1 - distance_m / NEAR_M, 0.0)
-        return found
+        nearness[np.ix_(mine, theirs)] = np.maximum(1 - distance_m / NEAR_M, 0.0)
+        return nearness
 
     def _note_changes(
         self,
@@ -322,13 +301,13 @@ def _resampled(
     corners = np.array([low, (low[0], high[1]), (high[0], low[1]), high]) - 0.5
     box = new.cells_at_m(old.cell_centres_m(corners))
     first, shape = box.min(axis=0), tuple((np.ptp(box, axis=0) + 1).tolist())
-    found = [np.empty((0, 2), np.int64)]
+    parts = [np.empty((0, 2), np.int64)]
     for rows in bands_of_rows(shape):
         here = np.indices((rows.stop - rows.start, shape[1])).reshape(2, -1).T
         here += first + np.array([rows.start, 0])
         there = old.cells_at_m(new.cell_centres_m(here)) - low
-        found.append(here[at_cells(inside, there, False)])
-    return np.concatenate(found)
+        parts.append(here[at_cells(inside, there, False)])
+    return np.concatenate(parts)
 
 
 def number_on(
@@ -346,12 +325,12 @@ def number_on(
     """
     is_doorway = np.array([label_names[label] == doorway_label for label in pieces.label], np.bool_)
     order = reading_order(pieces, grid)
-    found = list(ids)
+    numbered = list(ids)
     for piece in [*order[~is_doorway[order]].tolist(), *order[is_doorway[order]].tolist()]:
-        if not found[piece]:
-            found[piece] = next_id
+        if not numbered[piece]:
+            numbered[piece] = next_id
             next_id += 1
-    return found, next_id
+    return numbered, next_id
 
 
 def middles(pieces: Components) -> NDArray[np.float64]:
@@ -371,3 +350,43 @@ def reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
     rows, columns = middles(pieces).T
     band = np.floor((grid.shape[0] - rows) * grid.resolution_m / ROW_M)
     return np.lexsort((columns, band))
+
+
+def name_places(
+    ids: Sequence[int],
+    labels: Sequence[str],
+    *,
+    known: Mapping[int, str] | None = None,
+    own: Mapping[int, str] | None = None,
+) -> list[str]:
+    """A name per place: the user's name, else its earlier name, else its class and id.
+
+    Earlier names such as ``"room 3"`` are replaced by the class and the id, so that a place has one
+    number.
+
+    ``ids``, ``labels``: id and class of each place. ``known``: names from an earlier run. ``own``:
+    the user's names.
+
+    LabelError: two places have the same name.
+
+    Examples
+    --------
+    >>> name_places([1, 2, 3], ["room", "corridor", "room"], own={3: "kitchen"})
+    ['room 1', 'corridor 2', 'kitchen']
+    """
+    known, own = known or {}, own or {}
+    result = []
+    for place, label in zip(ids, labels, strict=True):
+        earlier = known.get(place, "")
+        numbered = f"{label} {place}"
+        if numbered in own.values():  # the user's name of another place
+            numbered += f" (id {place})"
+        automatic = not earlier or re.fullmatch(re.escape(label) + r" \d+( \(id \d+\))?", earlier)
+        result.append(own.get(place) or (numbered if automatic else earlier))
+    twice = [name for name, count in Counter(result).items() if count > 1]
+    if twice:
+        places = [str(place) for place, name in zip(ids, result, strict=True) if name == twice[0]]
+        raise LabelError(
+            f"places {' and '.join(places)} are both named {twice[0]!r}; give one another name"
+        )
+    return result

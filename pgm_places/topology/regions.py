@@ -1,4 +1,4 @@
-"""Regions: connected pieces of a labelled map with area, outline, anchor and confidence."""
+"""Regions of a labelled map with area, outline and anchor, and the connections between them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.outlines import outlines
 
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -21,37 +21,21 @@ STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Pairs of pieces that share a border.
+    """Pairs of pieces that share a border."""
 
-    Parameters
-    ----------
-    pairs : (C, 2) int32
-        Piece numbers, the smaller first, sorted.
-    sides : (C,) int64
-        Number of cell sides along the border of each pair; 0 if they touch only at corners.
-    corners : (C,) int64
-        Number of cell corners at which they touch diagonally.
-    """
-
-    pairs: NDArray[np.int32]
+    pairs: NDArray[np.int32]  # (C, 2) piece numbers, the smaller first, sorted
+    # (C,) number of cell sides along the border of each pair; 0 if they touch only at corners
     sides: NDArray[np.int64]
-    corners: NDArray[np.int64]
+    corners: NDArray[np.int64]  # (C,) number of cell corners at which they touch diagonally
 
 
 @dataclass(frozen=True, eq=False)
 class Meetings:
-    """Adjacent cells of different pieces along one of ``STEPS``, row by row.
+    """Adjacent cells of different pieces along one of ``STEPS``, row by row."""
 
-    Parameters
-    ----------
-    cells_rc : tuple of two (M,) int64
-        Rows and columns of the first cells; each second cell is one step further.
-    keys : (M,) int64
-        ``first R + second``, the smaller piece first.
-    """
-
+    # rows and columns of the first cells; each second cell is one step further
     cells_rc: tuple[NDArray[np.int64], NDArray[np.int64]]
-    keys: NDArray[np.int64]
+    keys: NDArray[np.int64]  # (M,) ``first R + second``, the smaller piece first
 
 
 def meetings(piece: NDArray[np.int32], count: int) -> list[Meetings]:
@@ -62,7 +46,7 @@ def meetings(piece: NDArray[np.int32], count: int) -> list[Meetings]:
 def _along(piece: NDArray[np.int32], count: int, down: int, right: int) -> Meetings:
     height, width = piece.shape
     start, stop = max(0, -right), width - max(0, right)
-    found = []
+    bands = []
     for rows in bands_of_rows((height - down, width)):  # bounds the memory for huge maps
         first = piece[rows, start:stop]
         second = piece[rows.start + down : rows.stop + down, start + right : stop + right]
@@ -71,9 +55,9 @@ def _along(piece: NDArray[np.int32], count: int, down: int, right: int) -> Meeti
         pair = np.stack([first[r, c], second[r, c]]).astype(np.int64)
         low, high = pair.min(axis=0), pair.max(axis=0)
         inside = low >= 0
-        found.append((r[inside] + rows.start, c[inside] + start, (low * count + high)[inside]))
-    found.append((np.zeros(0, np.int64),) * 3)
-    r, c, keys = (np.concatenate(part) for part in zip(*found, strict=True))
+        bands.append((r[inside] + rows.start, c[inside] + start, (low * count + high)[inside]))
+    bands.append((np.zeros(0, np.int64),) * 3)
+    r, c, keys = (np.concatenate(part) for part in zip(*bands, strict=True))
     return Meetings((r, c), keys)
 
 
@@ -159,13 +143,7 @@ class Region:
 
 
 def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
-    """(H, W) mask of the cells of each piece with the largest distance from its edge.
-
-    Examples
-    --------
-    >>> deepest_cells(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], np.int32), 2)[1].tolist()
-    [False, True, False, True]
-    """
+    """(H, W) mask of the cells of each piece with the largest distance from its edge."""
     piece = np.ascontiguousarray(piece, np.int32)
     deepest = np.empty(piece.shape, np.bool_)
     depth = squared_clearance(edges(piece))
@@ -202,28 +180,14 @@ def describe_regions(
 ) -> list[Region]:
     """A region per piece, in the order of the pieces.
 
-    Parameters
-    ----------
-    pieces : Components
-    grid : OccupancyGrid
-        The map of the pieces; only its frame is used.
-    label_names : sequence of str
-    clearance : (H, W) int32
-        Squared distance in cells to the nearest cell that is not free.
-    ids, names : sequences
-        One per piece.
-    probabilities : (P, K) float, optional
-        Mean probability of each label in each piece, NaN where it is unknown.
-    halls : (P,) float, optional
-        Mean probability of a hall in each, NaN where it is unknown.
-    gates : sequence of (Gate, float) or None, optional
-        The gate of each piece, with its probability; None for pieces of places.
-    anchors_m : mapping of int to (float, float), optional
-        Earlier anchors by id, which are not moved if they are still inside.
-    deepest : (H, W) bool, optional
-        Result of :func:`deepest_cells`, computed before the clearance to save memory on huge maps.
-    tolerance : float
-        Largest distance of an outline from the cells' corners, in cells.
+    ``grid``: the map of the pieces; only its frame is used. ``clearance`` (H, W): squared distance
+    in cells to the nearest cell that is not free. ``ids``, ``names``: one per piece.
+    ``probabilities`` (P, K): mean probability of each label in each piece, NaN where it is unknown.
+    ``halls`` (P,): mean probability of a hall in each, NaN where it is unknown. ``gates``: the gate
+    of each piece, with its probability; None for pieces of places. ``anchors_m``: earlier anchors
+    by id, which are not moved if they are still inside. ``deepest`` (H, W): result of
+    :func:`deepest_cells`, computed before the clearance to save memory on huge maps. ``tolerance``:
+    largest distance of an outline from the cells' corners, in cells.
     """
     require_shape("pieces", pieces.piece.shape, grid.shape, of="the map's")
     if deepest is None:
@@ -231,7 +195,7 @@ def describe_regions(
     anchors = _anchors(pieces, deepest, clearance)
     _keep_anchors(anchors, pieces, grid, ids, anchors_m or {})
     centres = grid.cell_centres_m(anchors)
-    found = []
+    regions = []
     for k, outline in enumerate(outlines(pieces.piece, pieces.count, tolerance=tolerance)):
         polygons = tuple(
             tuple(_in_metres(ring, grid) for ring in rings) for rings in outline.polygons
@@ -243,7 +207,7 @@ def describe_regions(
         confidence = None if known is None else known[pieces.label[k]]
         gate, of_gate = (None if gates is None else gates[k]) or (None, None)
         room = np.sqrt(float(clearance[anchors[k, 0], anchors[k, 1]])) - 0.5
-        found.append(
+        regions.append(
             Region(
                 id=int(ids[k]),
                 name=names[k],
@@ -260,7 +224,7 @@ def describe_regions(
                 hall=None if halls is None or np.isnan(halls[k]) else float(halls[k]),
             )
         )
-    return found
+    return regions
 
 
 def _anchors(
@@ -291,3 +255,84 @@ def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float
     # Corner (row, column) of the raster is half a cell below and left of the cell's centre.
     points: NDArray[np.float64] = frozen_copy(grid.cell_centres_m(ring - 0.5))
     return points
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Two adjacent regions."""
+
+    first: int  # first, second: ids of the regions, the smaller first
+    second: int
+    point_m: tuple[float, float]  # the point of their border with the most clearance
+    width_m: float  # diameter of the largest disc that fits there
+    border_m: float  # length of their border along sides of cells; 0 if they touch only at corners
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """The passage between each pair of adjacent pieces."""
+
+    pairs: NDArray[np.int32]  # (C, 2) piece numbers, the smaller first, sorted
+    # (C,) number of cell sides along their border; 0 if they touch only at corners
+    sides: NDArray[np.int64]
+    # (C, 2) the point of the border with the most clearance: row and column; integers are cell
+    # centres
+    middle_rc: NDArray[np.float64]
+    # (C,) diameter in cells of the largest disc that fits there: twice the distance to the wall
+    width: NDArray[np.float64]
+
+
+def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.int32]) -> Passages:
+    """The passage between every pair of adjacent pieces.
+
+    ``piece`` (H, W): number of each cell's piece, -1 for none. ``clearance`` (H, W): squared
+    distance in cells to the nearest cell that is not free.
+    """
+    met = meetings(piece, count)
+    touching = contacts_at(met, count)
+    parts = []
+    for (down, right), item in zip(STEPS, met, strict=True):
+        r, c = item.cells_rc
+        room = np.minimum(clearance[r, c], clearance[r + down, c + right])
+        parts.append((item.keys, room, np.stack([r + down / 2, c + right / 2], axis=1)))
+    key, room, place = (np.concatenate(part) for part in zip(*parts, strict=True))
+    # The most clearance first; ties go to the point nearest to the middle of the border.
+    off = _from_the_middle(key, place)
+    order = np.lexsort((off, -room, key))
+    _, best = np.unique(key[order], return_index=True)
+    chosen = order[best]
+    width = np.maximum(2 * np.sqrt(room[chosen].astype(np.float64)) - 1, 0.0)
+    return Passages(touching.pairs, touching.sides, place[chosen], width)
+
+
+def _from_the_middle(key: NDArray[np.int64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared distance of each position from the mean position of its key."""
+    _, group, counts = np.unique(key, return_inverse=True, return_counts=True)
+    mean = np.stack([np.bincount(group, axis, len(counts)) / counts for axis in place.T], axis=1)
+    return np.asarray(((place - mean[group]) ** 2).sum(axis=1))
+
+
+def connections_of(
+    pieces: Components,
+    grid: OccupancyGrid,
+    ids: Sequence[int],
+    clearance: NDArray[np.int32],
+    min_width_m: float = 0.0,
+) -> tuple[Connection, ...]:
+    """The connections of pieces, by ids; those narrower than ``min_width_m`` are left out.
+
+    ``grid``: the map of the pieces; only its frame is used. ``ids``: one per piece. ``clearance``
+    (H, W): squared distance in cells to the nearest cell that is not free.
+    """
+    passages = find_passages(pieces.piece, pieces.count, clearance)
+    middles = grid.cell_centres_m(passages.middle_rc)
+    connections = []
+    for k, (i, j) in enumerate(passages.pairs.tolist()):
+        width_m = float(passages.width[k]) * grid.resolution_m
+        if width_m < min_width_m:
+            continue
+        first, second = sorted((ids[i], ids[j]))
+        point_m = (float(middles[k, 0]), float(middles[k, 1]))
+        border_m = float(passages.sides[k]) * grid.resolution_m
+        connections.append(Connection(first, second, point_m, width_m, border_m))
+    return tuple(sorted(connections, key=lambda item: (item.first, item.second)))

@@ -9,8 +9,8 @@ from pgm_places.options import AtLeastZero, Options, from_mapping
 
 DoorwaysFrom = Literal["gates", "labels"]
 
+# Corrections by width of earlier versions, off by default; replaced by gates.
 _RETIRED = ("widest_doorway_m", "close_leaks_m", "split_rooms_m")
-"""Corrections by width of earlier versions, off by default; replaced by gates."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,7 @@ class TopologyOptions(CorrectionRules):
 def stored_options(values: Any, *, path: str) -> TopologyOptions:
     """The options in a file of this or an earlier version.
 
-    Raises
-    ------
-    ConfigError
-        An option is unknown, or a correction of an earlier version is switched on.
+    ConfigError: an option is unknown, or a correction of an earlier version is switched on.
     """
     if not isinstance(values, Mapping):
         return from_mapping(TopologyOptions, values, path=path)
@@ -76,5 +73,5 @@ def stored_options(values: Any, *, path: str) -> TopologyOptions:
                 f"{path}.{name} is {quoted(values[name])}, but doorways are no longer corrected by "
                 "width: gates separate places now; set it to 0 in the file"
             )
-    kept = {key: value for key, value in values.items() if key not in (*_RETIRED, "min_part_m2")}
-    return from_mapping(TopologyOptions, kept, path=path)
+    current = {key: value for key, value in values.items() if key not in (*_RETIRED, "min_part_m2")}
+    return from_mapping(TopologyOptions, current, path=path)

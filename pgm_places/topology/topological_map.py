@@ -1,6 +1,6 @@
-"""The topological map: places as nodes, passages as edges, and queries on it."""
+"""The topological map: places as nodes, passages as edges, queries, and GeoJSON."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -16,40 +16,81 @@ from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.plotting import Plotted, axes_or_new, data_frame
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.corrections import Correction
-from pgm_places.topology.geojson import LOCAL_METRES, region_feature
 from pgm_places.topology.place_ids import PlaceIds
-from pgm_places.topology.regions import Region
+from pgm_places.topology.regions import Connection, Region
 
 if TYPE_CHECKING:
     import networkx as nx
     from matplotlib.axes import Axes
 
 
-_ROWS_AT_ONCE = 256
+LOCAL_METRES = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}}
+"""A plane in metres, as a member of older GeoJSON that QGIS and Nav2 read; now only degrees are
+standard."""
+
+DIGITS = 6
+
+SIZES = ("heading_rad", "width_m", "depth_m")
+"""Property names of a gate."""
 
 
-@dataclass(frozen=True)
-class Connection:
-    """Two adjacent regions.
+def gate_record(gate: Gate) -> dict[str, object]:
+    """Centre, heading, width, depth and the four corners (counter-clockwise), in the map frame.
 
-    Parameters
-    ----------
-    first, second : int
-        Ids of the regions, the smaller first.
-    point_m : (float, float)
-        The point of their border with the most clearance.
-    width_m : float
-        Diameter of the largest disc that fits there.
-    border_m : float
-        Length of their border along sides of cells; 0 if they touch only at corners.
+    Examples
+    --------
+    >>> gate_record(Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.2))["corners_m"]
+    [[1.9, 0.5], [2.1, 0.5], [2.1, 1.5], [1.9, 1.5]]
     """
+    return {
+        "centre_m": [round(value, DIGITS) for value in gate.centre_m],
+        **{name: round(getattr(gate, name), DIGITS) for name in SIZES},
+        "corners_m": gate.corners_m.round(DIGITS).tolist(),
+    }
 
-    first: int
-    second: int
-    point_m: tuple[float, float]
-    width_m: float
-    border_m: float
+
+def region_feature(region: Region, neighbours: Sequence[int]) -> dict[str, object]:
+    """A Feature with the outline of a region as a Polygon or MultiPolygon.
+
+    Properties: ``id``, ``class``, ``name``, ``area_m2``, ``perimeter_m``, ``confidence`` (where it
+    is known), ``hall`` (its probability, where halls are shown as corridors and it is known),
+    ``anchor_m``, ``clearance_m``, ``neighbours`` (ids), and for a doorway that is a gate ``gate``:
+    its rectangle.
+    """
+    listed = [
+        [[[round(x, DIGITS), round(y, DIGITS)] for x, y in ring.tolist()] for ring in rings]
+        for rings in region.polygons
+    ]
+    kind, coordinates = ("Polygon", listed[0]) if len(listed) == 1 else ("MultiPolygon", listed)
+    properties: dict[str, Any] = {
+        "id": region.id,
+        "class": region.label,
+        "name": region.name,
+        "area_m2": round(region.area_m2, DIGITS),
+        "perimeter_m": round(region.perimeter_m, DIGITS),
+    }
+    if region.confidence is not None:
+        properties["confidence"] = round(region.confidence, DIGITS)
+    if region.hall is not None:
+        properties["hall"] = round(region.hall, DIGITS)
+    properties |= {
+        "anchor_m": [round(value, DIGITS) for value in region.anchor_m],
+        "clearance_m": round(region.clearance_m, DIGITS),
+        "neighbours": list(neighbours),
+    }
+    if region.gate is not None:
+        properties["gate"] = gate_record(region.gate)
+    return {
+        "type": "Feature",
+        "id": region.id,
+        "geometry": {"type": kind, "coordinates": coordinates},
+        "properties": properties,
+    }
+
+
+_ROWS_AT_ONCE = 256
 
 
 @travels
@@ -102,10 +143,10 @@ class TopologicalMap(Plotted):
         table = np.full(highest + 1, -1, np.int16)
         for region in self.regions:
             table[region.id] = self.label_names.index(region.label)
-        found = np.empty(self.region.shape, np.int16)
+        labels = np.empty(self.region.shape, np.int16)
         for rows in bands_of_rows(self.grid.shape):  # NumPy makes 64-bit copies of indices
-            found[rows] = table[self.region[rows]]
-        return freeze(found)
+            labels[rows] = table[self.region[rows]]
+        return freeze(labels)
 
     @cached_property
     def area_m2(self) -> dict[str, float]:
@@ -125,11 +166,11 @@ class TopologicalMap(Plotted):
 
     @cached_property
     def _neighbour_ids(self) -> dict[int, list[int]]:
-        found: dict[int, list[int]] = {region.id: [] for region in self.regions}
+        neighbours: dict[int, list[int]] = {region.id: [] for region in self.regions}
         for item in self.connections:
-            found[item.first].append(item.second)
-            found[item.second].append(item.first)
-        return {number: sorted(others) for number, others in found.items()}
+            neighbours[item.first].append(item.second)
+            neighbours[item.second].append(item.first)
+        return {number: sorted(others) for number, others in neighbours.items()}
 
     def place(self, key: int | str) -> Region:
         """The region with an id or a name.
@@ -139,11 +180,11 @@ class TopologicalMap(Plotted):
         InputError
             There is no such region; the message suggests the nearest name.
         """
-        found = self._by_id.get(key) if isinstance(key, int) else self._by_name.get(key)
-        if found is None:
+        region = self._by_id.get(key) if isinstance(key, int) else self._by_name.get(key)
+        if region is None:
             hint = nearest_name(str(key), list(self._by_name))
             raise InputError(f"there is no place {key!r}. {hint}")
-        return found
+        return region
 
     def ids_of(self, names: Iterable[str]) -> tuple[int, ...]:
         """Ids of the places with these names, and of all places of these classes, ascending.
@@ -314,7 +355,7 @@ class TopologicalMap(Plotted):
         -------
         dict
             A Polygon or MultiPolygon for each region, with the properties of
-            :func:`~pgm_places.topology.geojson.region_feature`.
+            :func:`~pgm_places.topology.topological_map.region_feature`.
 
         Examples
         --------

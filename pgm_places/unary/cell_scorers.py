@@ -1,8 +1,11 @@
 """Scorers of the cells of one map, fed block by block with streamed features."""
 
+from collections.abc import Callable, Iterator, Sequence
+
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from pgm_places._checks import require_shape
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.threads import run_parts, thread_limit
 from pgm_places.models.boosted_list import BoostedList
@@ -10,21 +13,131 @@ from pgm_places.spaces.cell_features import NodeFeatures
 from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
+ROWS_AT_ONCE = 128
+
+Values = Callable[[slice], NDArray[np.float64]]
+"""(n, K) values of a range of nodes."""
+
+
+def window_means(
+    layout: GridLayout,
+    values: NDArray[np.float64],
+    half_widths_m: Sequence[float],
+    resolution_m: float,
+) -> NDArray[np.float32]:
+    """(N, W * K) means of node values over square windows centred at each node.
+
+    ``layout``: the cells that are nodes; only they are averaged over. ``values`` (N, K): for place
+    labelling, the label histogram z of each cell. ``half_widths_m``: half the side of each window,
+    in metres; rounded to whole cells, at least one. ``resolution_m``: side of a cell.
+    """
+    require_shape("values", values.shape, (layout.n_nodes, "K"))
+    n_labels = values.shape[1]
+    means = np.empty((len(values), len(half_widths_m) * n_labels), np.float32)
+    parts = iter_window_means(
+        layout, lambda nodes: values[nodes], n_labels, half_widths_m, resolution_m
+    )
+    for nodes, part in parts:
+        means[nodes] = part
+    return means
+
+
+def iter_window_means(
+    layout: GridLayout,
+    values: Values,
+    n_labels: int,
+    half_widths_m: Sequence[float],
+    resolution_m: float,
+) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+    """:func:`window_means` in bands of rows, with memory independent of the map's height.
+
+    ``layout``, ``half_widths_m``, ``resolution_m``: as in :func:`window_means`; the nodes in
+    row-major order. ``values``: returns the values (n, K) of a range of nodes; called once for each
+    node, in order. ``n_labels``: K.
+
+    Yields slice, (n, W * K) float32: A range of nodes and their means, with the same bits as
+    :func:`window_means`.
+    """
+    height, width = layout.shape
+    # Wider windows than the map give the same means: there is nothing to average beyond it.
+    widest = max(height, width)
+    radii = [max(1, round(min(half / resolution_m, widest))) for half in half_widths_m]
+    first_of_row = layout.cells.row_start
+    sums = _RollingIntegral(1 + n_labels, width)
+    for bottom in range(0, height, ROWS_AT_ONCE):
+        top = min(bottom + ROWS_AT_ONCE, height)
+        nodes = slice(int(first_of_row[bottom]), int(first_of_row[top]))
+        sums.forget_below(bottom - max(radii, default=0))
+        ahead = min(top + max(radii, default=0), height)
+        if sums.n_rows < ahead:
+            new = slice(int(first_of_row[sums.n_rows]), int(first_of_row[ahead]))
+            raster = np.zeros((1 + n_labels, ahead - sums.n_rows, width))
+            rows, columns = layout.cells[new].T
+            raster[0, rows - sums.n_rows, columns] = 1.0
+            raster[1:, rows - sums.n_rows, columns] = values(new).T
+            sums.append(raster)
+        if nodes.start == nodes.stop:
+            continue
+        means = np.empty((nodes.stop - nodes.start, len(radii) * n_labels), np.float32)
+        for w, radius in enumerate(radii):
+            totals = sums.windows(layout.cells[nodes], radius, height)
+            means[:, w * n_labels : (w + 1) * n_labels] = (totals[1:] / totals[0]).T
+        yield nodes, means
+
+
+class _RollingIntegral:
+    """Integral images of several planes, restricted to the rows in use.
+
+    Row r, column c of an integral image is the sum of the plane's first r rows and c columns. Rows
+    are added in order, so that the sums have the same bits for any size of bands.
+    """
+
+    def __init__(self, n_planes: int, width: int) -> None:
+        self.n_rows = 0
+        self._first = 0
+        self._below = np.zeros((n_planes, width))  # sums of the columns so far
+        self._rows = np.zeros((n_planes, 1, width + 1))
+
+    def forget_below(self, row: int) -> None:
+        """Drop the rows of the integral images before ``row``."""
+        drop = max(row - self._first, 0)
+        self._rows, self._first = self._rows[:, drop:], self._first + drop
+
+    def append(self, planes: NDArray[np.float64]) -> None:
+        """Add the next rows (P, n, width) of the planes, which are overwritten."""
+        planes[:, 0] += self._below
+        np.cumsum(planes, axis=1, out=planes)
+        self._below = planes[:, -1].copy()
+        new = np.zeros((planes.shape[0], planes.shape[1], planes.shape[2] + 1))
+        np.cumsum(planes, axis=2, out=new[:, :, 1:])
+        self._rows = np.concatenate([self._rows, new], axis=1)
+        self.n_rows += planes.shape[1]
+
+    def windows(self, cells_rc: NDArray[np.int32], radius: int, height: int) -> NDArray[np.float64]:
+        """(P, n) sums over the square windows around cells, cut off at the raster's edges."""
+        width = self._rows.shape[2] - 1
+        low = np.maximum(cells_rc - radius, 0)
+        high = np.minimum(cells_rc + radius + 1, [height, width])
+        bottom, top = low[:, 0] - self._first, high[:, 0] - self._first
+        left, right = low[:, 1], high[:, 1]
+        total: NDArray[np.float64] = (
+            self._rows[:, top, right]
+            - self._rows[:, bottom, right]
+            - self._rows[:, top, left]
+            + self._rows[:, bottom, left]
+        )
+        return total
+
+
+# Number of cells whose laser and space columns one thread concatenates at a time.
 _CELLS_PER_TASK = 1024
-"""Number of cells whose laser and space columns one thread concatenates at a time."""
 
 
 class LaserScorer:
     """Scores by the list on laser and custom features, block by block.
 
-    Attributes
-    ----------
-    unary : str
-        Name of its scores.
-    columns : (n,) int64
-        The laser and custom columns that it uses, ascending.
-    scores : (N, K) float64 or float32
-        The scores of the nodes.
+    ``unary``: name of its scores. ``columns`` (n,): the laser and custom columns that it uses,
+    ascending. ``scores`` (N, K): the scores of the nodes.
     """
 
     unary = "laser"
@@ -125,7 +238,7 @@ class SpaceScorer:
 
         def score(part: slice) -> None:
             some = nodes[part]
-            self.scores[some] = self._weighed(some, self._kept(table, some))
+            self.scores[some] = self._weighed(some, self._cached(table, some))
 
         table.prepare(self.unary, len(self.of_spaces), self._n_classes)
         run_parts(score, len(nodes), _CELLS_PER_TASK)
@@ -138,7 +251,7 @@ class SpaceScorer:
         self.features.write(nodes, self.of_spaces, both, n_own)
         return self._weighed(nodes, aligned_log_proba(self.part, both, self._n_classes, 1))
 
-    def _kept(self, table: CachedFeatures, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _cached(self, table: CachedFeatures, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n, K) cached or new scores of a few nodes, before halls and gates."""
         spaces = np.empty((len(nodes), len(self.of_spaces)), np.float32)
         self.features.write(nodes, self.of_spaces, spaces)
@@ -153,15 +266,15 @@ class SpaceScorer:
     def _n_classes(self) -> int:
         return self.n_labels + (self.corridor is not None)
 
-    def _weighed(self, nodes: NDArray[np.int64], found: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _weighed(self, nodes: NDArray[np.int64], log_z: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, K) the scores with halls added to corridors, and gate weights."""
         if self.corridor is not None:
-            found, share = without_halls(found, self.corridor)
+            log_z, share = without_halls(log_z, self.corridor)
             if self.hall is not None:
                 self.hall[nodes] = share
         if self.at_gates is None or self.doorway is None:
-            return found
-        return with_gates(found, self.at_gates.of(nodes), self.doorway)
+            return log_z
+        return with_gates(log_z, self.at_gates.of(nodes), self.doorway)
 
 
 CellList = LaserScorer | SpaceScorer
@@ -188,12 +301,12 @@ def without_halls(
 
 
 def on_labels(
-    fitted: BoostedList, found: NDArray[np.float64], n_labels: int
+    fitted: BoostedList, log_z: NDArray[np.float64], n_labels: int
 ) -> NDArray[np.float64]:
     """(N, K) log z of a list's own classes, with a column per label index."""
     classes = np.asarray(fitted.classes, np.int64)
     if len(classes) == n_labels:
-        return found
-    full = np.full((len(found), n_labels), found.min(initial=0.0))
-    full[:, classes] = found
+        return log_z
+    full = np.full((len(log_z), n_labels), log_z.min(initial=0.0))
+    full[:, classes] = log_z
     return full

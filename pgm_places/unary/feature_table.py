@@ -17,9 +17,9 @@ from pgm_places.sensing.sensor import Sensor
 Block = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Numbers of cells, and their features (n, F)."""
 
+# Scans whose features are in memory at a time: ten megabytes, which are reused for the next scans.
+# Much larger arrays get new pages each time, which the system has to clear.
 _SCANS_AT_ONCE = 8_192
-"""Scans whose features are in memory at a time: ten megabytes, which are reused for the next scans.
-Much larger arrays get new pages each time, which the system has to clear."""
 
 
 def iter_features(
@@ -72,17 +72,10 @@ class CachedFeatures:
     A cell keeps its row while its scan does not change. A list rescores only rows that were written
     since, or whose additional inputs have changed. A table belongs to one model.
 
-    Parameters
-    ----------
-    columns : (C,) int
-        The laser and custom columns that the table holds, ascending.
+    ``columns`` (C,): the laser and custom columns that the table holds, ascending.
 
-    Attributes
-    ----------
-    values : (R, C) float32
-        More rows than cells, as a rule.
-    row_of : (N,) int64
-        The row of each node of the last map.
+    ``values`` (R, C): more rows than cells, as a rule. ``row_of`` (N,): the row of each node of the
+    last map.
     """
 
     def __init__(self, columns: NDArray[np.int64]) -> None:
@@ -92,7 +85,7 @@ class CachedFeatures:
         self._written = np.zeros(0, np.int64)
         self._n_writings = 0
         self._scores: dict[str, _CachedScores] = {}
-        self._seen: tuple[OccupancyGrid, FloorScores] | None = None
+        self._floor: tuple[OccupancyGrid, FloorScores] | None = None
 
     @classmethod
     def of_cells(cls, values: NDArray[np.float32]) -> Self:
@@ -106,7 +99,7 @@ class CachedFeatures:
         """The rows for another model, together with the cached scores of networks."""
         table = type(self)(self.columns)
         table.values, table.row_of, table._written = self.values, self.row_of, self._written
-        table._seen = self._seen
+        table._floor = self._floor
         return table
 
     @property
@@ -125,7 +118,8 @@ class CachedFeatures:
         free = np.flatnonzero(is_free)
         if len(free) < len(fresh):
             first = self.n_rows
-            self._grow(max(first + len(fresh) - len(free), first + first // 4))
+            n_rows = max(first + len(fresh) - len(free), first + first // 4)
+            self.values, self._written = _grown(self.values, n_rows), _grown(self._written, n_rows)
             free = np.append(free, np.arange(first, self.n_rows))
         self.row_of = kept_row.copy()
         self.row_of[fresh] = free[: len(fresh)]
@@ -159,16 +153,9 @@ class CachedFeatures:
     ) -> NDArray[np.float64]:
         """(n, K) a list's scores of nodes; ``score`` is called for outdated ones.
 
-        Parameters
-        ----------
-        name : str
-            Name of the list, as passed to :meth:`prepare`.
-        nodes : (n,) int64
-        beside : (n, B) float32
-            Inputs of the list in addition to the row.
-        score : callable
-            From positions (m,) in ``nodes`` to scores (m, K); each depends on its row and its
-            additional inputs only.
+        ``name``: name of the list, as passed to :meth:`prepare`. ``nodes`` (n,). ``beside`` (n, B):
+        inputs of the list in addition to the row. ``score``: from positions (m,) in ``nodes`` to
+        scores (m, K); each depends on its row and its additional inputs only.
         """
         cached, rows = self._scores[name], self.row_of[nodes]
         stale = cached.version[rows] != self._written[rows]
@@ -184,13 +171,9 @@ class CachedFeatures:
         self, grid: OccupancyGrid, look: Callable[[OccupancyGrid], FloorScores]
     ) -> FloorScores:
         """Floor-network scores, recomputed only if the map changed."""
-        if self._seen is None or not _same(self._seen[0], grid):
-            self._seen = grid, look(grid)
-        return self._seen[1]
-
-    def _grow(self, n_rows: int) -> None:
-        self.values = _grown(self.values, n_rows)
-        self._written = _grown(self._written, n_rows)
+        if self._floor is None or not _same(self._floor[0], grid):
+            self._floor = grid, look(grid)
+        return self._floor[1]
 
 
 class _CachedScores:

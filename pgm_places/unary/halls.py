@@ -21,14 +21,9 @@ class HallNames:
     A hall is circulation other than a corridor. The distinction of corridors from rooms is
     learned with halls and corridors together, and a further list distinguishes the two. Labelling
     halls as corridors is therefore as accurate as training without a label of halls.
-
-    Parameters
-    ----------
-    names : tuple of str
-        All labels, the hall among them.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # all labels, the hall among them
 
     @classmethod
     def among(cls, names: Sequence[str]) -> Self | None:
@@ -46,8 +41,8 @@ class HallNames:
 
     def fold(self, item: LabelledMap, halls: HallsAs = "corridor") -> LabelledMap:
         """The map with relabelled halls, and the labels numbered as in ``shown``."""
-        kept = [halls if name == HALL else name for name in self.names]
-        number = [self.shown(halls).index(name) for name in kept]
+        names = [halls if name == HALL else name for name in self.names]
+        number = [self.shown(halls).index(name) for name in names]
         # The entry after the last is looked up by -1, "no label".
         return replace(item, labels=np.array([*number, -1], np.int16)[item.labels])
 
@@ -59,13 +54,8 @@ class HallNames:
     def split(self, labeling: Labeling, share: NDArray[np.float32], halls: HallsAs) -> Labeling:
         """A labelling with halls labelled as chosen, from a labelling by the folded labels.
 
-        Parameters
-        ----------
-        labeling : Labeling
-            Of N nodes by the folded labels.
-        share : (N,) float32
-            The probability that each node lies in a hall if it is circulation.
-        halls : {"corridor", "room", "hall"}
+        ``labeling``: of N nodes by the folded labels. ``share`` (N,): the probability that each
+        node lies in a hall if it is circulation.
         """
         if halls == "corridor":
             return labeling

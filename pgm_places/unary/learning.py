@@ -8,25 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.folds import map_buildings
-from pgm_places.features.context import window_means
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import list_learning
-from pgm_places.unary.choice import UnaryChoice, accuracy_by_part
+from pgm_places.unary.cell_scorers import window_means
 from pgm_places.unary.feature_table import FeatureTables
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.list_learning import Extra, Lists, SpaceLists, Stages
-from pgm_places.unary.map_model import (
-    EVEN,
-    MIXED,
-    UNARIES,
-    CellScores,
-    UnaryModel,
-    made_from,
-    sees_spaces,
-)
-from pgm_places.unary.options import SpaceOptions
-from pgm_places.unary.space_learning import learn_spaces
+from pgm_places.unary.map_model import EVEN, CellScores, UnaryModel, made_from, sees_spaces
+from pgm_places.unary.options import MIXED, UNARIES, SpaceOptions, UnaryChoice, accuracy_by_part
+from pgm_places.unary.space_model import learn_spaces
 from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -35,103 +26,59 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 
 @dataclass(frozen=True, eq=False)
 class Halls:
-    """The cells of circulation that are halls.
+    """The cells of circulation that are halls."""
 
-    Parameters
-    ----------
-    corridor : int
-        The label that halls share with other circulation.
-    are_halls : (N,) bool
-        The labelled cells of all maps, map after map, that are halls.
-    """
-
-    corridor: int
+    corridor: int  # the label that halls share with other circulation
+    # (N,) the labelled cells of all maps, map after map, that are halls
     are_halls: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedUnary:
-    """A fitted unary model and the out-of-fold scores to train structured methods on.
-
-    Parameters
-    ----------
-    model : UnaryModel
-    truths : list of (n,) int64
-        Label index of the examples of each map.
-    laser : list of (n, K) float64
-        Their scores by laser lists.
-    scores : list of CellScores or None
-        One per map, in the node order of its graph of labelled cells, if requested.
-    choice : UnaryChoice or None
-        The chosen unary, if there were candidates.
-    """
+    """A fitted unary model and the out-of-fold scores to train structured methods on."""
 
     model: UnaryModel
-    truths: list[NDArray[np.int64]]
-    laser: list[NDArray[np.float64]]
+    truths: list[NDArray[np.int64]]  # label index of the examples of each map
+    laser: list[NDArray[np.float64]]  # their scores by laser lists
+    # one per map, in the node order of its graph of labelled cells, if requested
     scores: list[CellScores] | None
-    choice: UnaryChoice | None = None
+    choice: UnaryChoice | None = None  # the chosen unary, if there were candidates
 
 
 @dataclass(frozen=True, eq=False)
 class UnaryLearner:
-    """Training of a unary model: the list on scans, then the lists with context and spaces.
+    """Training of a unary model: the list on scans, then the lists with context and spaces."""
 
-    Parameters
-    ----------
-    sensor, classifier
-        The sensor to simulate and an unfitted list with its options.
-    n_labels : int
-        K.
-    n_node_features : int
-        Number of the features chosen first by boosting that structured models receive.
-    context_m : tuple of float
-        Half-widths in metres of the windows for the list with context; () for none.
-    space : SpaceOptions, optional
-        The list that also sees segments, gates and places; none by default.
-    doorway : int, optional
-        The label of gates, if there is one.
-    halls : Halls, optional
-        Which labelled cells are halls, to tell them from other corridors.
-    floor : FloorModel, optional
-        Floor networks that were not trained on these maps.
-    candidates : tuple of str
-        Unaries to choose one from by held-out scores (:mod:`pgm_places.unary.choice`); () for no
-        choice.
-    wanted : collection of str
-        Unaries that the model must have, for any choice of the candidates.
-    learn_on : {"in-sample", "out-of-fold"}
-        Whether the returned scores come from the fitted lists, or from lists that were not trained
-        on the building of a cell, or on its contiguous block if there is only one building.
-    n_folds : int
-        Folds for out-of-fold scores: number of blocks, or maximum number of groups of buildings.
-    max_examples_per_map : int, optional
-        Train the lists on a random sample of this many cells of each map.
-    features : tuple
-        Custom features, in addition to the laser's: see :mod:`pgm_places.features.custom`.
-    with_scores : bool
-        Whether all labelled cells are scored, to train structured methods on.
-    feature_cache : FeatureTables, optional
-        Cache of the laser features of the maps; not used with custom features, whose code may
-        change.
-    """
-
+    # sensor, classifier: the sensor to simulate and an unfitted list with its options
     sensor: Sensor
     classifier: "DecisionListClassifier"
-    n_labels: int
+    n_labels: int  # K
+    # number of the features chosen first by boosting that structured models receive
     n_node_features: int = 30
+    # half-widths in metres of the windows for the list with context; () for none
     context_m: tuple[float, ...] = ()
+    # the list that also sees segments, gates and places; none by default
     space: SpaceOptions | None = None
-    doorway: int | None = None
-    halls: Halls | None = None
-    floor: FloorModel | None = None
+    doorway: int | None = None  # the label of gates, if there is one
+    halls: Halls | None = None  # which labelled cells are halls, to tell them from other corridors
+    floor: FloorModel | None = None  # floor networks that were not trained on these maps
+    # unaries to choose one from by held-out scores (:mod:`pgm_places.unary.options`); () for no
+    # choice
     candidates: tuple[str, ...] = ()
+    # unaries that the model must have, for any choice of the candidates
     wanted: Collection[str] = UNARIES
+    # whether the returned scores come from the fitted lists, or from lists that were not trained on
+    # the building of a cell, or on its contiguous block if there is only one building
     learn_on: str = "out-of-fold"
+    # folds for out-of-fold scores: number of blocks, or maximum number of groups of buildings
     n_folds: int = 5
+    # train the lists on a random sample of this many cells of each map
     max_examples_per_map: int | None = None
+    # custom features, in addition to the laser's: see :mod:`pgm_places.features.custom`
     features: tuple[Any, ...] = ()
+    # whether all labelled cells are scored, to train structured methods on
     with_scores: bool = True
+    # cache of the laser features of the maps; not used with custom features, whose code may change
     feature_cache: FeatureTables | None = None
 
     def fit(self, maps: Sequence[LabelledMap]) -> LearnedUnary:
@@ -152,18 +99,18 @@ class UnaryLearner:
         spaces = None if self.space is None else self._with_spaces(self.space, cells)
         stages = Stages(cells, laser, context, spaces, self.floor)
         choice = self._choice(stages) if self.candidates else None
-        kept = self._kept(choice)
+        provided = self._provided(choice)
         columns = laser.fitted.features_in_order_of_choice(self.n_node_features)
         model = UnaryModel(
             self.sensor,
             laser.fitted,
             self.n_labels,
             np.asarray(columns, np.int64),
-            self.context_m if "context" in kept else (),
-            None if context is None or "context" not in kept else context.fitted,
+            self.context_m if "context" in provided else (),
+            None if context is None or "context" not in provided else context.fitted,
             self.features,
-            None if spaces is None or not sees_spaces(kept) else spaces.model,
-            self.floor if "floor" in kept else None,
+            None if spaces is None or not sees_spaces(provided) else spaces.model,
+            self.floor if "floor" in provided else None,
             stages.exponents if self._mixes else EVEN,
         )
         ends = np.searchsorted(cells.examples, np.cumsum(cells.sizes))[:-1]
@@ -171,15 +118,15 @@ class UnaryLearner:
             model,
             np.split(cells.truth[cells.examples], ends),
             np.split(laser.scores_of_examples(held_out=self._from_held_out), ends),
-            self._scores(stages, model, kept) if self.with_scores else None,
+            self._scores(stages, model, provided) if self.with_scores else None,
             choice,
         )
 
-    def _kept(self, choice: UnaryChoice | None) -> set[str]:
+    def _provided(self, choice: UnaryChoice | None) -> set[str]:
         """The scores that the model must provide."""
         chosen = () if choice is None else (choice.unary,)
-        kept = {"laser", *made_from({*self.wanted, *chosen})}
-        return kept - {
+        provided = {"laser", *made_from({*self.wanted, *chosen})}
+        return provided - {
             *(() if self.context_m else ("context",)),
             *(() if self.space is not None else ("space", "floor")),
             *(() if self.floor is not None else ("floor",)),
@@ -192,11 +139,11 @@ class UnaryLearner:
         several = len(names) > 1
         numbers = np.repeat([names.index(name) for name in buildings], cells.sizes)
         parts = numbers if several else cells.groups
-        found = {}
+        accuracies = {}
         for name in self.candidates:
             scores = np.concatenate(stages.scores(name, held_out=True))
-            found[name] = accuracy_by_part(cells.truth, scores, parts, self.n_labels)
-        return UnaryChoice.of(found, "buildings" if several else "blocks")
+            accuracies[name] = accuracy_by_part(cells.truth, scores, parts, self.n_labels)
+        return UnaryChoice.of(accuracies, "buildings" if several else "blocks")
 
     @property
     def _from_held_out(self) -> bool:
@@ -287,11 +234,11 @@ class UnaryLearner:
             fitted, of_fold = list_learning.with_temperatures(fitted, of_fold, rows)
         return Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
 
-    def _scores(self, stages: Stages, model: UnaryModel, kept: set[str]) -> list[CellScores]:
+    def _scores(self, stages: Stages, model: UnaryModel, provided: set[str]) -> list[CellScores]:
         """The scores of the labelled cells of each map."""
         cells = stages.cells
         tables: dict[str, list[NDArray[Any]]] = {
-            name: stages.scores(name, held_out=self._from_held_out) for name in kept
+            name: stages.scores(name, held_out=self._from_held_out) for name in provided
         }
         tables["node_features"] = cells.by_map(_columns(cells, model.node_columns))
         of_maps: list[dict[str, Any]] = [
@@ -302,7 +249,7 @@ class UnaryLearner:
 
 def _columns(cells: TrainingCells, columns: NDArray[np.int64]) -> NDArray[np.float32]:
     """(N, D) some columns of all cells."""
-    found = np.empty((len(cells.truth), len(columns)), np.float32)
+    table = np.empty((len(cells.truth), len(columns)), np.float32)
     for some, values in cells.blocks():
-        found[some] = values[:, columns]
-    return found
+        table[some] = values[:, columns]
+    return table

@@ -16,9 +16,9 @@ from pgm_places.models.boosted_list import BoostedList, list_average
 from pgm_places.progress import report_stage
 from pgm_places.unary.cell_scorers import aligned_log_proba, without_halls
 from pgm_places.unary.floor_model import FloorModel, with_floor
-from pgm_places.unary.map_model import LASER_SHARE, MIXED, log_mean
-from pgm_places.unary.space_learning import LearnedSpaces
-from pgm_places.unary.space_model import SpaceModel
+from pgm_places.unary.map_model import LASER_SHARE, log_mean
+from pgm_places.unary.options import MIXED
+from pgm_places.unary.space_model import LearnedSpaces, SpaceModel
 from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -45,30 +45,20 @@ def with_explicit_order(
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Training examples of lists.
+    """Training examples of lists."""
 
-    Parameters
-    ----------
-    features : (n, F) float32
-    truth : (n,) int
-        Label index of each row.
-    groups : (n,) int or None
-        Index of the fold of each row.
-    domain : (n,) int or None
-        -1 for rows that all lists use; see :func:`fitted_list`.
-    """
-
-    features: NDArray[np.float32]
-    truth: NDArray[np.int64]
-    groups: NDArray[np.int64] | None
+    features: NDArray[np.float32]  # (n, F)
+    truth: NDArray[np.int64]  # (n,) label index of each row
+    groups: NDArray[np.int64] | None  # (n,) index of the fold of each row
+    # (n,) -1 for rows that all lists use; see :func:`fitted_list`
     domain: NDArray[np.int64] | None = None
 
-    def where(self, seen: NDArray[np.bool_]) -> "Rows":
+    def where(self, mask: NDArray[np.bool_]) -> "Rows":
         """The rows in a mask (n,)."""
         groups, domain = (
-            None if part is None else part[seen] for part in (self.groups, self.domain)
+            None if part is None else part[mask] for part in (self.groups, self.domain)
         )
-        return Rows(self.features[seen], self.truth[seen], groups, domain)
+        return Rows(self.features[mask], self.truth[mask], groups, domain)
 
 
 def fitted_list(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
@@ -79,7 +69,7 @@ def fitted_list(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
     """
     remaining = without_a_domain(rows.truth, rows.domain)
     if len(remaining) > 1:
-        return list_average([_fitted(unfitted, rows.where(seen)) for seen in remaining])
+        return list_average([_fitted(unfitted, rows.where(mask)) for mask in remaining])
     return _fitted(unfitted, rows)  # a mask would copy all of them
 
 
@@ -98,8 +88,8 @@ def without_a_domain(
         return [everything]
     remaining = [domain != number for number in np.unique(domain[domain >= 0])]
     n_labels = len(np.unique(truth))
-    whole = [seen for seen in remaining if len(np.unique(truth[seen])) == n_labels]
-    return whole if len(whole) > 1 else [everything]
+    complete = [mask for mask in remaining if len(np.unique(truth[mask])) == n_labels]
+    return complete if len(complete) > 1 else [everything]
 
 
 def cross_fitted(
@@ -153,23 +143,24 @@ def with_temperatures(
     """
     from pgm_places.models.list_training import temperature
 
-    whole = {fold: item for fold, item in lists.items() if item.order.size == fitted.order.size}
+    complete = {fold: item for fold, item in lists.items() if item.order.size == fitted.order.size}
     order = fitted.classes[fitted.order]
     logits, label = [], []
-    for fold, item in whole.items():
+    for fold, item in complete.items():
         unseen = rows.groups == fold
         slope, offset = item.calibration.T[:, :, None]
         logits.append(slope * item.scores(rows.features[unseen]) + offset)
         label.append(rows.truth[unseen])
-    if not whole:
+    if not complete:
         return fitted, lists
-    odds, found = np.concatenate(logits, axis=1), np.concatenate(label)
+    odds, labels = np.concatenate(logits, axis=1), np.concatenate(label)
     factor = np.ones((len(order) - 1, 1))
     for i, k in enumerate(order[:-1]):
-        mine = np.isin(found, order[i:])
-        factor[i] = temperature(odds[i, mine], found[mine] == k, np.ones(int(mine.sum())))
+        mine = np.isin(labels, order[i:])
+        factor[i] = temperature(odds[i, mine], labels[mine] == k, np.ones(int(mine.sum())))
     scaled = {
-        fold: replace(item, calibration=factor * item.calibration) for fold, item in whole.items()
+        fold: replace(item, calibration=factor * item.calibration)
+        for fold, item in complete.items()
     }
     return replace(fitted, calibration=factor * fitted.calibration), {**lists, **scaled}
 
@@ -205,10 +196,10 @@ class Lists:
         return self._all_scores(held_out=True)
 
     def _all_scores(self, *, held_out: bool) -> NDArray[np.float64]:
-        found = np.empty((len(self.cells.truth), self.n_labels))
+        scores = np.empty((len(self.cells.truth), self.n_labels))
         for some, values in self.cells.blocks():
-            found[some] = self._of(some, beside_extra(values, some, self.extra), held_out)
-        return found
+            scores[some] = self._of(some, beside_extra(values, some, self.extra), held_out)
+        return scores
 
     def scores_of_examples(self, *, held_out: bool) -> NDArray[np.float64]:
         """(n, K) log z of the examples, from the fitted list or from held-out lists."""
@@ -235,7 +226,8 @@ class SpaceLists:
     @property
     def model(self) -> SpaceModel:
         """The fitted model."""
-        return self.spaces.model(self.lists.fitted, self.corridor)
+        spaces = self.spaces
+        return SpaceModel(self.lists.fitted, spaces.gates, spaces.doorway, self.corridor)
 
     def scores(self, *, held_out: bool) -> NDArray[np.float64]:
         """(N, K) log z of all cells, with halls added to corridors, and gate weights."""

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import freeze
 from pgm_places.errors import InputError
-from pgm_places.features.context import iter_window_means
 from pgm_places.features.custom import n_columns
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.label_graph import LabelGraph
@@ -26,16 +25,13 @@ from pgm_places.unary.cell_scorers import (
     ContextScorer,
     LaserScorer,
     SpaceScorer,
+    iter_window_means,
     on_labels,
 )
 from pgm_places.unary.feature_table import CachedFeatures, iter_features
 from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
+from pgm_places.unary.options import MIXED, UNARIES
 from pgm_places.unary.space_model import MapSpaces, SpaceModel
-
-MIXED = "laser+space"
-
-UNARIES = ("laser", "context", MIXED, "space", "floor")
-"""Names of the unaries, the simplest first."""
 
 
 def made_from(unaries: Collection[str]) -> set[str]:
@@ -71,42 +67,25 @@ def log_mean(
 
 @dataclass(frozen=True, eq=False)
 class CellScores:
-    """Per-node scores, before graph inference.
+    """Per-node scores, before graph inference."""
 
-    Parameters
-    ----------
-    laser : (N, K) float64 or float32, or None
-        Logarithm of the histogram z of the list on a cell's own features (paper eq. 8).
-    context : (N, K) float64 or None
-        Scores of the list with context, if there is one.
-    space : (N, K) float64 or float32, or None
-        Scores of the list with segments, gates and places, if there is one.
-    floor : (N, K) float64 or float32, or None
-        ``space`` fused with the floor networks' scores, if there are networks.
-    node_features : (N, D) float32 or None
-        The features that boosting chose first, for models that learn their own unary.
-    spaces : MapSpaces or None
-        The segments, gates and places of ``space``, if stored.
-    hall : (N,) float32 or None
-        The probability that each node lies in a hall if it is circulation, if known.
-    doorways : Doorways or None
-        The accepted gates, if ``spaces`` are not stored.
-    segments : NodeSegments or None
-        The segments of the nodes at the finest scale, with ``space``.
-    exponents : (float, float)
-        Exponents of ``laser`` and ``space`` in ``laser+space``.
-    """
-
+    # (N, K) logarithm of the histogram z of the list on a cell's own features (paper eq. 8).
     laser: NDArray[np.float64] | None = None
+    # (N, K) scores of the list with context, if there is one
     context: NDArray[np.float64] | None = None
+    # (N, K) scores of the list with segments, gates and places, if there is one
     space: NDArray[np.float64] | None = None
+    # (N, D) the features that boosting chose first, for models that learn their own unary
     node_features: NDArray[np.float32] | None = None
-    spaces: MapSpaces | None = None
+    spaces: MapSpaces | None = None  # the segments, gates and places of ``space``, if stored
+    # (N,) the probability that each node lies in a hall if it is circulation, if known
     hall: NDArray[np.float32] | None = None
-    doorways: Doorways | None = None
+    doorways: Doorways | None = None  # the accepted gates, if ``spaces`` are not stored
+    # the segments of the nodes at the finest scale, with ``space``
     segments: NodeSegments | None = None
+    # (N, K) ``space`` fused with the floor networks' scores, if there are networks
     floor: NDArray[np.float64] | None = None
-    exponents: tuple[float, float] = EVEN
+    exponents: tuple[float, float] = EVEN  # exponents of ``laser`` and ``space`` in ``laser+space``
 
     def of(self, unary: str) -> NDArray[np.float64]:
         """(N, K) the scores of that name.
@@ -114,10 +93,7 @@ class CellScores:
         One of ``laser``, ``context``, ``space`` and ``floor``, or ``laser+space``, which is the
         weighted geometric mean of the two, normalised.
 
-        Raises
-        ------
-        InputError
-            They were not requested.
+        InputError: they were not requested.
         """
         if unary == MIXED:
             return log_mean(self.of("laser"), self.of("space"), self.exponents)
@@ -132,10 +108,7 @@ class CellScores:
     def accepted_gates(self) -> Doorways:
         """The accepted gates, stored or derived from the spaces.
 
-        Raises
-        ------
-        InputError
-            There are no scores with spaces.
+        InputError: there are no scores with spaces.
         """
         if self.doorways is not None:
             return self.doorways
@@ -146,42 +119,22 @@ class CellScores:
 
 @dataclass(frozen=True, eq=False)
 class UnaryModel:
-    """A fitted sensor-features-list chain that scores the cells of any map.
+    """A fitted sensor-features-list chain that scores the cells of any map."""
 
-    Parameters
-    ----------
-    sensor : Sensor
-        The simulated sensor; a model is valid only for the sensor of its training.
-    classifier : BoostedList
-        The list on the 321 laser features, and own features after them.
-    n_labels : int
-        K; the classifier's classes are label indices below K.
-    node_columns : (D,) int
-        Columns handed on as node features.
-    context_m : tuple of float
-        Half-widths in metres of the windows of context; () for none.
-    context_classifier : BoostedList or None
-        The second list, on the same columns followed by context features.
-    features : tuple
-        Custom features: see :mod:`pgm_places.features.custom`.
-    space : SpaceModel or None
-        The list with segments, gates and places.
-    floor : FloorModel or None
-        The floor networks.
-    exponents : (float, float)
-        Exponents of ``laser`` and ``space`` in ``laser+space``: their shares over the temperatures
-        that maximise the likelihood of held-out cells.
-    """
-
-    sensor: Sensor
-    classifier: BoostedList
-    n_labels: int
-    node_columns: NDArray[np.int64]
+    sensor: Sensor  # the simulated sensor; a model is valid only for the sensor of its training
+    classifier: BoostedList  # the list on the 321 laser features, and own features after them
+    n_labels: int  # K; the classifier's classes are label indices below K
+    node_columns: NDArray[np.int64]  # (D,) columns handed on as node features
+    # half-widths in metres of the windows of context; () for none
     context_m: tuple[float, ...] = ()
+    # the second list, on the same columns followed by context features
     context_classifier: BoostedList | None = field(default=None, repr=False)
-    features: tuple[Any, ...] = ()
+    features: tuple[Any, ...] = ()  # custom features: see :mod:`pgm_places.features.custom`
+    # the list with segments, gates and places
     space: SpaceModel | None = field(default=None, repr=False)
-    floor: FloorModel | None = field(default=None, repr=False)
+    floor: FloorModel | None = field(default=None, repr=False)  # the floor networks
+    # exponents of ``laser`` and ``space`` in ``laser+space``: their shares over the temperatures
+    # that maximise the likelihood of held-out cells
     exponents: tuple[float, float] = EVEN
 
     @property
@@ -220,26 +173,15 @@ class UnaryModel:
         Only the features that the lists and the result need are computed. Memory beyond the result
         is bounded by the ray caster's tiles and by bands of rows, whatever the map's size.
 
-        Parameters
-        ----------
-        grid : OccupancyGrid
-        graph : LabelGraph
-            Made by ``LabelGraph.from_grid``.
-        unaries : collection of str
-            The requested scores; scores that the model lacks are skipped.
-        with_node_features : bool
-            Whether to compute features for structured models.
-        with_halls : bool
-            Whether to compute halls, if the model has them, even without scores with spaces.
-        single : bool
-            Whether single precision will do. Scores in context stay in double.
-        with_spaces : bool
-            Whether the result holds segments, gates and places. Without them it holds the doorways
-            alone, and the rasters of a huge map are freed before its cells are scored.
-        known : (H, W) int16, optional
-            Observed labels, -1 elsewhere, which decide whether gates on them are doorways.
-        own : CachedFeatures, optional
-            Cached laser and custom features of the nodes, and scores that depend on them.
+        ``graph``: made by ``LabelGraph.from_grid``. ``unaries``: the requested scores; scores that
+        the model lacks are skipped. ``with_node_features``: whether to compute features for
+        structured models. ``with_halls``: whether to compute halls, if the model has them, even
+        without scores with spaces. ``single``: whether single precision will do. Scores in context
+        stay in double. ``with_spaces``: whether the result holds segments, gates and places.
+        Without them it holds the doorways alone, and the rasters of a huge map are freed before its
+        cells are scored. ``known`` (H, W): observed labels, -1 elsewhere, which decide whether
+        gates on them are doorways. ``own``: cached laser and custom features of the nodes, and
+        scores that depend on them.
         """
         layout, n, unaries = graph.grid_layout, graph.n_nodes, made_from(unaries)
         handed = self.node_columns if with_node_features else np.zeros(0, np.int64)

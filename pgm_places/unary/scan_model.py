@@ -21,8 +21,8 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.cell_scorers import aligned_log_proba
-from pgm_places.unary.floor_model import FloorModel, LocalFloor
-from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES, LocalSpaceFeatures
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_features import N_LOCAL_SPACE_FEATURES, LocalFloor, LocalSpaceFeatures
 
 __all__ = [
     "BeamOptions",
@@ -35,50 +35,33 @@ __all__ = [
 
 
 class Observations(NamedTuple):
-    """The inputs of the unary model at one step, or at the T steps of a trajectory.
+    """The inputs of the unary model at one step, or at the T steps of a trajectory."""
 
-    Parameters
-    ----------
-    circles_m : (n_beams,) or (T, n_beams) float32
-        Ranges all around.
-    spaces : (F,) or (T, F) float32
-        Features of the segments around, or no columns.
-    floor : (K,) or (T, K) float64, or None
-        Log-probabilities of the floor networks, if used.
-    """
-
-    circles_m: NDArray[np.float32]
-    spaces: NDArray[np.float32]
+    circles_m: NDArray[np.float32]  # (n_beams,) ranges all around
+    spaces: NDArray[np.float32]  # (F,) features of the segments around, or no columns
+    # (K,) log-probabilities of the floor networks, if used
     floor: NDArray[np.float64] | None = None
 
 
 class ScanObserver:
     """Completes the scans of one robot, and computes features of the spaces around it if enabled.
 
-    Parameters
-    ----------
-    completion : ScanCompletion
-        Fresh, for one robot.
-    spaces_m : float
-        Half the side of the square that is divided into segments, of the known map or of the
-        rolling one; 0 for none.
-    floor : FloorModel, optional
-        Networks that are evaluated on this map.
+    ``completion``: fresh, for one robot. ``spaces_m``: half the side of the square that is divided
+    into segments, of the known map or of the rolling one; 0 for none. ``floor``: networks that are
+    evaluated on this map.
     """
 
     def __init__(
         self, completion: ScanCompletion, spaces_m: float = 0.0, floor: FloorModel | None = None
     ) -> None:
         self._completion = completion
-        self._surroundings: LocalSpaceFeatures | None = None
+        self._spaces: LocalSpaceFeatures | None = None
         self._floor: LocalFloor | None = None
-        source = completion.local_map or completion.known_map
-        if spaces_m > 0:
+        if spaces_m > 0 or floor is not None:
+            source = completion.local_map or completion.known_map
             assert source is not None  # BeamOptions has checked
-            self._surroundings = LocalSpaceFeatures(source, spaces_m)
-        if floor is not None:
-            assert source is not None  # BeamOptions has checked
-            self._floor = LocalFloor(source, floor)
+            self._spaces = LocalSpaceFeatures(source, spaces_m) if spaces_m > 0 else None
+            self._floor = None if floor is None else LocalFloor(source, floor)
 
     @property
     def geometry(self) -> ScanGeometry:
@@ -88,37 +71,25 @@ class ScanObserver:
     def add(self, pose: NDArray[np.float64], ranges_m: ArrayLike) -> Observations:
         """The observations after one more scan (M,) at a pose (3,)."""
         circle = self._completion.add(pose, ranges_m)
-        around, floor = self._surroundings, self._floor
         return Observations(
             circle,
-            np.empty(0, np.float32) if around is None else around.at(pose[:2]),
-            None if floor is None else floor.at(pose[:2]),
+            np.empty(0, np.float32) if self._spaces is None else self._spaces.at(pose[:2]),
+            None if self._floor is None else self._floor.at(pose[:2]),
         )
 
     def along(self, poses: NDArray[np.float64], ranges_m: NDArray[np.float32]) -> Observations:
         """The observations at each of the poses (T, 3) with its scan (T, M), in order."""
-        if self._surroundings is None and self._floor is None:
-            circles = self._completion.complete(poses, ranges_m)
-            return Observations(circles, np.empty((len(circles), 0), np.float32))
-        seen = [self.add(pose, row) for pose, row in zip(poses, ranges_m, strict=True)]
-        circles = np.array([item.circles_m for item in seen], np.float32)
-        spaces = np.array([item.spaces for item in seen], np.float32)
-        floor = [item.floor for item in seen if item.floor is not None]
+        no_spaces = np.empty((len(poses), 0), np.float32)
+        if self._spaces is None and self._floor is None:
+            return Observations(self._completion.complete(poses, ranges_m), no_spaces)
+        steps = [self.add(pose, row) for pose, row in zip(poses, ranges_m, strict=True)]
+        circles = np.array([step.circles_m for step in steps], np.float32)
+        scores = [step.floor for step in steps if step.floor is not None]
         return Observations(
-            circles.reshape(len(seen), self._completion.n_beams),
-            spaces.reshape(len(seen), N_LOCAL_SPACE_FEATURES if self._surroundings else 0),
-            None if self._floor is None else self._floor.rows(floor),
+            circles.reshape(len(steps), self._completion.n_beams),
+            no_spaces if self._spaces is None else self._spaces.rows([s.spaces for s in steps]),
+            None if self._floor is None else self._floor.rows(scores),
         )
-
-
-def surroundings_along(
-    source: LocalSpaceFeatures | None, poses: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """(T, F) space features at the poses (T, 3) of a path; no columns if disabled."""
-    if source is None:
-        return np.empty((len(poses), 0), np.float32)
-    found = np.array([source.at(pose[:2]) for pose in poses], np.float32)
-    return found.reshape(len(poses), N_LOCAL_SPACE_FEATURES)
 
 
 @dataclass(frozen=True)
@@ -139,7 +110,7 @@ class BeamOptions:
     spaces_m : float
         Half the side in metres of the square around the robot, in the local map or the known one,
         whose segments are features of the scan, too; 0 for none. The list's columns are fixed when
-        it is trained. See :mod:`pgm_places.unary.local_space_features`.
+        it is trained. See :mod:`pgm_places.unary.local_features`.
     """
 
     missing: MissingBeams = "local-map"
@@ -216,34 +187,22 @@ class BeamOptions:
 
 @dataclass(frozen=True, eq=False)
 class ScanModel:
-    """A boosted list on the features of a scan, followed by additional columns.
+    """A boosted list on the features of a scan, followed by additional columns."""
 
-    Parameters
-    ----------
-    classifier : BoostedList
-        On the 321 laser features, own features and D columns; its classes are label indices.
-    n_labels : int
-        K.
-    sensor : Sensor
-        Beams and range of the training scans.
-    extra_names : tuple of D str
-        Columns after all others, such as counts of objects seen by a camera.
-    features : tuple
-        Custom features of scans: see :mod:`pgm_places.features.custom`.
-    sees_spaces : bool
-        Whether the features of the spaces around the robot follow those of its scan.
-    """
-
+    # on the 321 laser features, own features and D columns; its classes are label indices
     classifier: BoostedList
-    n_labels: int
-    sensor: Sensor
+    n_labels: int  # K
+    sensor: Sensor  # beams and range of the training scans
+    # columns after all others, such as counts of objects seen by a camera
     extra_names: tuple[str, ...] = ()
+    # custom features of scans: see :mod:`pgm_places.features.custom`
     features: tuple[Any, ...] = ()
+    # whether the features of the spaces around the robot follow those of its scan
     sees_spaces: bool = False
+    # The columns that the list uses, ascending.
     needed: NDArray[np.int64] = field(init=False, repr=False)
-    """The columns that the list uses, ascending."""
+    # The list for matrices of those columns alone.
     short_list: BoostedList = field(init=False, repr=False)
-    """The list for matrices of those columns alone."""
 
     def __post_init__(self) -> None:
         check_scan_features(self.features)
@@ -285,15 +244,15 @@ class ScanModel:
         self, spaces: ArrayLike | None, extra: ArrayLike | None, n_steps: int
     ) -> NDArray[np.float32]:
         """(T, S + D) the columns of spaces (T, S) and the extra ones (T, D), checked."""
-        seen = np.empty((n_steps, 0), np.float32) if spaces is None else np.asarray(spaces)
-        if seen.shape != (n_steps, self.n_spaces):
+        of_spaces = np.empty((n_steps, 0), np.float32) if spaces is None else np.asarray(spaces)
+        if of_spaces.shape != (n_steps, self.n_spaces):
             wants = "looks" if self.sees_spaces else "does not look"
             raise InputError(
                 f"this model {wants} at the spaces around the robot ({self.n_spaces} columns), but "
-                f"{seen.shape[-1]} columns are given; keep spaces_m of the beams as in training"
+                f"{of_spaces.shape[-1]} columns came; keep spaces_m of the beams as in training"
             )
         columns = check_extra(extra, n_steps, self.extra_names)
-        return np.concatenate([seen, columns], axis=1, dtype=np.float32)
+        return np.concatenate([of_spaces, columns], axis=1, dtype=np.float32)
 
 
 class ScanScorer:
@@ -342,10 +301,7 @@ def observed_along(
 
     For a trajectory without scans, all beams are cast in the known map.
 
-    Raises
-    ------
-    InputError
-        There are neither scans nor a known map.
+    InputError: there are neither scans nor a known map.
     """
     if trajectory.ranges_m is None or trajectory.geometry is None:
         if known_map is None:
@@ -355,12 +311,11 @@ def observed_along(
         circles = cast_poses(
             known_map, trajectory.poses, sensor.angles_rad, max_range_m=sensor.max_range_m
         )
-        around = LocalSpaceFeatures(known_map, beams.spaces_m) if beams.spaces_m > 0 else None
-        return Observations(
-            circles,
-            surroundings_along(around, trajectory.poses),
-            None if floor is None else LocalFloor(known_map, floor).along(trajectory.poses),
-        )
+        poses, spaces = trajectory.poses, np.empty((len(circles), 0), np.float32)
+        if beams.spaces_m > 0:
+            spaces = LocalSpaceFeatures(known_map, beams.spaces_m).along(poses)
+        scores = None if floor is None else LocalFloor(known_map, floor).along(poses)
+        return Observations(circles, spaces, scores)
     observer = beams.observer(trajectory.geometry, sensor, known_map, floor)
     return observer.along(trajectory.poses, trajectory.ranges_m)
 

@@ -1,4 +1,4 @@
-"""Space model: features of cells from segments, gates and places, and scores with them."""
+"""Space model: scores with segments, gates and places, and its training."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -7,57 +7,43 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import row_blocks
+from pgm_places.evaluation.folds import cross_fit, held_out_scores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.progress import report_stage
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
-from pgm_places.spaces.door_truth import match_doors, unmatched_doors
-from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
-from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
+from pgm_places.spaces.doorways import Doorways, match_doors, unmatched_doors
+from pgm_places.spaces.gates import Gate, Gates, gate_candidates, gate_features
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 from pgm_places.unary.floor_model import FloorJudge
+from pgm_places.unary.options import GATE_OPTIONS
+from pgm_places.unary.training_cells import TrainingCells
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
 """Names of the space features of cells."""
 
-_REACH_M = 0.6
-"""Least reach of a doorway's label before and behind its gate (m)."""
+_REACH_M = 0.6  # least reach of a doorway's label before and behind its gate (m)
 
 _BESIDE_M = 0.1
 
-_GATES_AT_ONCE = 256
-"""Number of gates whose cells are listed at a time."""
+_GATES_AT_ONCE = 256  # number of gates whose cells are listed at a time
 
+# A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
+# probability of its gate; chosen on buildings held out (docs/results.md).
 _GAIN, _FLOOR = 1.2, 0.02
-"""A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
-probability of its gate; chosen on buildings held out (docs/results.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapSpaces:
-    """The spaces of one map.
+    """The spaces of one map."""
 
-    Parameters
-    ----------
-    gates : Gates
-        The candidates.
-    probability : (G,) float64
-        Probability of being a doorway.
-    places : Places
-        Places between the accepted gates.
-    features : CellFeatures
-        Space features of the cells.
-    known_gates : tuple of Gate
-        Observed doorways without a candidate.
-    """
-
-    gates: Gates
-    probability: NDArray[np.float64]
-    places: Places
-    features: CellFeatures
-    known_gates: tuple[Gate, ...] = ()
+    gates: Gates  # the candidates
+    probability: NDArray[np.float64]  # (G,) probability of being a doorway
+    places: Places  # places between the accepted gates
+    features: CellFeatures  # space features of the cells
+    known_gates: tuple[Gate, ...] = ()  # observed doorways without a candidate
 
     @classmethod
     def of(
@@ -86,41 +72,31 @@ class MapSpaces:
         node, gate = self.nodes_and_gates(layout).T
         probability = self.probability[gate]
         order = np.lexsort((-probability, node))
-        kept, first = np.unique(node[order], return_index=True)
-        return AtGates(kept, probability[order][first].astype(np.float32))
+        nodes, first = np.unique(node[order], return_index=True)
+        return AtGates(nodes, probability[order][first].astype(np.float32))
 
     def nodes_and_gates(self, layout: GridLayout) -> NDArray[np.int64]:
         """(M, 2) pairs of a node and a gate at which it lies, gate by gate."""
-        pairs = [np.empty((0, 2), np.int64)]
+        grid, pairs = self.gates.segmentation.watershed.grid, [np.empty((0, 2), np.int64)]
         for first in range(0, len(self.gates), _GATES_AT_ONCE):
             some = range(first, min(first + _GATES_AT_ONCE, len(self.gates)))
-            cells = [self._cells_at(self.gates[g]) for g in some]
+            deeper_m = np.maximum(_REACH_M - self.gates.depth_m[some] / 2, 0.0).tolist()
+            cells = [
+                self.gates[g].cells(grid, wider_m=_BESIDE_M, deeper_m=m)
+                for g, m in zip(some, deeper_m, strict=True)
+            ]
             node = layout.nodes_at(np.concatenate(cells))
             number = np.repeat(some, [len(item) for item in cells])
             pairs.append(np.stack([node, number], axis=1)[node >= 0])
         return np.concatenate(pairs)
 
-    def _cells_at(self, gate: Gate) -> NDArray[np.int64]:
-        """(n, 2) the cells that lie at a gate, free or not."""
-        grid = self.gates.segmentation.watershed.grid
-        deeper_m = max(_REACH_M - gate.depth_m / 2, 0.0)
-        return gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m)
-
 
 @dataclass(frozen=True, eq=False)
 class AtGates:
-    """The nodes that lie at gates, stored sparsely.
+    """The nodes that lie at gates, stored sparsely."""
 
-    Parameters
-    ----------
-    node : (M,) int64
-        Ascending.
-    strength : (M,) float32
-        The largest probability of the gates at each node.
-    """
-
-    node: NDArray[np.int64]
-    strength: NDArray[np.float32]
+    node: NDArray[np.int64]  # (M,) ascending
+    strength: NDArray[np.float32]  # (M,) the largest probability of the gates at each node
 
     def of(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
         """(n,) the strength at some nodes, 0 away from gates."""
@@ -132,25 +108,14 @@ class AtGates:
 
 @dataclass(frozen=True, eq=False)
 class SpaceModel:
-    """A list with space features, and a list that distinguishes doorways from other gates.
+    """A list with space features, and a list that distinguishes doorways from other gates."""
 
-    Parameters
-    ----------
-    classifier : BoostedList
-        On laser and custom columns, followed by space features.
-    gates : BoostedList or None
-        On the features of gates: 1 for doorways, else 0. None if training had no examples; then no
-        gate is a doorway.
-    doorway : int or None
-        The label of doorways, where there is one.
-    corridor : int or None
-        The label that includes halls, if the classifier has halls as one more class after all
-        labels.
-    """
-
-    classifier: BoostedList
+    classifier: BoostedList  # on laser and custom columns, followed by space features
+    # on the features of gates: 1 for doorways, else 0. None if training had no examples; then no
+    # gate is a doorway.
     gates: BoostedList | None
-    doorway: int | None
+    doorway: int | None  # the label of doorways, where there is one
+    # the label that includes halls, if the classifier has halls as one more class after all labels
     corridor: int | None = None
 
     def spaces(
@@ -235,3 +200,109 @@ def log_sum(log_z: NDArray[np.float64], last: int) -> NDArray[np.float64]:
     if others.shape[1] > 2:  # two may be added either way
         others = np.sort(others, axis=1)
     return np.asarray(np.logaddexp(np.logaddexp.reduce(others.T, axis=0), log_z[:, last]))
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedSpaces:
+    """The spaces of training maps, with gates judged by held-out lists."""
+
+    cells: TrainingCells
+    spaces: list[MapSpaces]  # one per map
+    gates: BoostedList | None  # the list fitted on all gates
+    doorway: int | None  # the label of doorways
+
+    def columns(self, some: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(n, F) space features of some cells."""
+        table = np.empty((len(some), N_SPACE_COLUMNS), np.float32)
+        starts = np.cumsum([0, *self.cells.sizes])
+        number = np.searchsorted(starts, some, side="right") - 1
+        for m in np.unique(number).tolist():
+            mine = number == m
+            cells = self.cells.layout(m).cells[some[mine] - starts[m]]
+            table[mine] = self.spaces[m].features.lookup(cells)
+        return table
+
+    def scores(self, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, K) the scores of all cells, with doorways weighted by gates."""
+        if self.gates is None or self.doorway is None:
+            return log_z
+        at_gate = [spaces.at_gates(self.cells.layout(m)) for m, spaces in enumerate(self.spaces)]
+        return with_gates(log_z, np.concatenate(at_gate), self.doorway)
+
+
+def learn_spaces(cells: TrainingCells, doorway: int | None) -> LearnedSpaces:
+    """The spaces of all maps of some training cells, and the list of gates."""
+    candidates = []
+    with report_stage("segments and gates") as stage:
+        for count, item in enumerate(cells.maps, start=1):
+            candidates.append(gate_candidates(Segmentation.of(item.grid)))
+            stage.update(count / len(cells.maps), item.name)
+    gates, judged = None, [np.zeros(len(item)) for item in candidates]
+    if doorway is not None:
+        gates, judged = _learn_gates(cells, candidates, doorway)
+    spaces = [MapSpaces.of(item, part) for item, part in zip(candidates, judged, strict=True)]
+    return LearnedSpaces(cells, spaces, gates, doorway)
+
+
+def _learn_gates(
+    cells: TrainingCells, gates: list[Gates], doorway: int
+) -> tuple[BoostedList | None, list[NDArray[np.float64]]]:
+    """The list of all gates, and (G,) held-out probabilities."""
+    matches = [
+        match_doors(item, known.labels, doorway)
+        for item, known in zip(gates, cells.maps, strict=True)
+    ]
+    truth = np.concatenate([match.is_doorway for match in matches]).astype(np.int64)
+    known = np.concatenate([match.known | match.is_doorway for match in matches])
+    values = np.concatenate([gate_features(item) for item in gates]).astype(np.float32)
+    fold = _folds(cells, gates)
+
+    def fit(number: int) -> BoostedList | None:
+        return gate_list(values, truth, fold, known & (fold != number))
+
+    lists = cross_fit(fold, fit, "gates")
+    probability = held_out_scores(
+        lists, fold, lambda item, rows: gate_probabilities(item, values[rows])
+    )
+    ends = np.cumsum([len(item) for item in gates])[:-1]
+    fitted = gate_list(values, truth, fold, known)
+    return fitted, np.split(probability, ends)
+
+
+def gate_list(
+    values: NDArray[np.float32],
+    truth: NDArray[np.int64],
+    fold: NDArray[np.int64],
+    mask: NDArray[np.bool_],
+) -> BoostedList | None:
+    """The list fitted on some gates; None if all of them are doorways, or none is.
+
+    ``values`` (G, F): see :func:`pgm_places.spaces.gates.gate_features`. ``truth`` (G,): 1 for
+    doorways, else 0. ``fold`` (G,): folds for calibrating the probabilities; with fewer than three
+    folds, they are not calibrated. ``mask`` (G,): the gates to learn from.
+    """
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+    if len(np.unique(truth[mask])) < 2:
+        return None
+    several = len(np.unique(fold[mask])) > 2
+    unfitted = DecisionListClassifier(order=[1, 0], **GATE_OPTIONS)
+    unfitted.set_params(calibration="platt" if several else "none")
+    groups = fold[mask] if several else None
+    boosted: BoostedList = unfitted.fit(values[mask], truth[mask], groups=groups).boosted_list_
+    return boosted
+
+
+def _folds(cells: TrainingCells, gates: list[Gates]) -> NDArray[np.int64]:
+    """(G,) the fold of the labelled cell that is nearest to each gate."""
+    from scipy.spatial import cKDTree
+
+    folds = []
+    for item, groups, known in zip(gates, cells.by_map(cells.groups), cells.maps, strict=True):
+        if len(item) and len(groups):
+            centres = known.grid.cell_centres_m(np.argwhere(known.labelled_cells))
+            nearest = cKDTree(centres).query(item.centre_m)[1]
+            folds.append(groups[nearest])
+        else:
+            folds.append(np.full(len(item), -1))
+    return np.concatenate(folds)

@@ -27,31 +27,17 @@ class TrainingCells:
 
     If all cells are examples, all features are in memory. If examples are a sample, features of
     other cells are computed on demand, so that memory grows with the sample only.
-
-    Parameters
-    ----------
-    maps : tuple of LabelledMap
-    sensor : Sensor
-        The simulated sensor.
-    own : tuple
-        Custom features: see :mod:`pgm_places.features.custom`.
-    truth, groups : (N,) int64
-        Label index of each cell, and the index of its fold.
-    chosen : (N,) bool
-        The examples.
-    features : (n, F) float32
-        Laser and custom features of the examples.
-    feature_cache : FeatureTables, optional
-        Cache of the features of all cells if all are needed, else of the examples.
     """
 
     maps: tuple[LabelledMap, ...]
-    sensor: Sensor
-    own: tuple[Any, ...]
+    sensor: Sensor  # the simulated sensor
+    own: tuple[Any, ...]  # custom features: see :mod:`pgm_places.features.custom`
+    # truth, groups: (N,) label index of each cell, and the index of its fold
     truth: NDArray[np.int64]
     groups: NDArray[np.int64]
-    chosen: NDArray[np.bool_]
-    features: NDArray[np.float32]
+    chosen: NDArray[np.bool_]  # (N,) the examples
+    features: NDArray[np.float32]  # (n, F) laser and custom features of the examples
+    # cache of the features of all cells if all are needed, else of the examples
     feature_cache: FeatureTables | None = None
 
     @classmethod
@@ -138,31 +124,31 @@ def training_features(
     sensor: Sensor,
     own: tuple[Any, ...] = (),
     masks: Sequence[NDArray[np.bool_]] | None = None,
-    kept: Sequence[NDArray[np.bool_]] | None = None,
+    stored: Sequence[NDArray[np.bool_]] | None = None,
     feature_cache: FeatureTables | None = None,
 ) -> NDArray[np.float32]:
     """(N, F) laser and custom features of cells, map after map in node order.
 
     By default of all labelled cells, else of the cells in ``masks`` (H, W). A cache stores the
-    cells in ``kept`` (H, W), which contain these.
+    cells in ``stored`` (H, W), which contain these.
     """
     masks = [item.labelled_cells for item in maps] if masks is None else masks
     if feature_cache is not None:
-        held = zip(maps, masks if kept is None else kept, strict=True)
+        pairs = zip(maps, masks if stored is None else stored, strict=True)
         feature_cache.check_space(
             [
                 _shape(mask)
-                for item, mask in held
-                if _kept(item, mask, sensor, feature_cache) is None
+                for item, mask in pairs
+                if _cached(item, mask, sensor, feature_cache) is None
             ]
         )
     total = sum(int(mask.sum()) for mask in masks)
     features = np.empty((total, n_columns(own)), np.float32)
     start = 0
     with report_stage("scans and features") as stage:
-        for item, mask, hold in zip(maps, masks, kept or masks, strict=True):
+        for item, mask, held in zip(maps, masks, stored or masks, strict=True):
             if feature_cache is not None:
-                _keep(item, hold, sensor, feature_cache)
+                _store(item, held, sensor, feature_cache)
             for nodes, values in _map_features(item, mask, sensor, own, feature_cache):
                 features[start + nodes] = values
                 stage.update((start + int(nodes[-1])) / max(total, 1))
@@ -177,17 +163,17 @@ def _map_features(
     own: tuple[Any, ...],
     feature_cache: FeatureTables | None = None,
 ) -> Iterator[Block]:
-    found = None if feature_cache is None else _kept(item, mask, sensor, feature_cache)
-    if found is None:
+    stored = None if feature_cache is None else _cached(item, mask, sensor, feature_cache)
+    if stored is None:
         yield from iter_features(item.grid, sensor, own, mask)
         return
-    hold, table = found
-    rows = np.flatnonzero(mask[hold])
+    held, table = stored
+    rows = np.flatnonzero(mask[held])
     for part in row_blocks(len(rows), _AT_ONCE):
         yield np.arange(part.start, part.stop), table[rows[part]]
 
 
-def _kept(
+def _cached(
     item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]] | None:
     """A mask (H, W) that contains this one, and the table (N, F) of its cells."""
@@ -198,9 +184,11 @@ def _kept(
     return None
 
 
-def _keep(item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables) -> None:
+def _store(
+    item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables
+) -> None:
     """Store the features of the cells in a mask of a map in the cache."""
-    if _kept(item, mask, sensor, cache) is not None:
+    if _cached(item, mask, sensor, cache) is not None:
         return
     key, shape = cache.key(item, sensor, mask), _shape(mask)
     cache.put(key, shape, iter_features(item.grid, sensor, (), mask))

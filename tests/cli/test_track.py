@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places.features.object_counts import ObjectCounts
 from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import RECORD_FILE
@@ -24,7 +25,6 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import load, save
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run
 from tests.drives import building as made_building
 from tests.drives import drive

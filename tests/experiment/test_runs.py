@@ -19,7 +19,7 @@ from pgm_places.models.relaxation import Relaxation
 from pgm_places.persistence.model_folder import load_folder
 from pgm_places.persistence.stored import load, save
 from pgm_places.report.comparison_files import write_comparison
-from pgm_places.spaces.door_truth import match_doors, match_painted
+from pgm_places.spaces.doorways import match_doors, match_painted
 
 
 def config(**changes: Any) -> ExperimentConfig:

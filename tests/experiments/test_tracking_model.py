@@ -13,7 +13,7 @@ from experiments.tracking_model.real_drives import in_lobby
 from experiments.tracking_model.unseen import ALONE, WAYS, Answer, floors_table, lasers_table
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.simulation import generate_building
-from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES
+from pgm_places.unary.local_features import N_LOCAL_SPACE_FEATURES
 
 LASER = Laser(180.0, 60, 10.0)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.features.beams import clean_beams, resample_beams
+from pgm_places.features.extraction import clean_beams, resample_beams
 from tests.refusals import refused
 
 

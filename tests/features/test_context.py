@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.features import context
-from pgm_places.features.context import window_means
 from pgm_places.graph.layout import GridLayout
+from pgm_places.unary import cell_scorers
+from pgm_places.unary.cell_scorers import window_means
 from tests.strategies import varied_arrays
 
 
@@ -50,7 +50,7 @@ def test_wrong_rows_are_refused() -> None:
 def test_bands_of_rows_do_not_change_a_bit() -> None:
     """The lower rows of a map are in other bands than the same rows alone."""
     rng = np.random.default_rng(0)
-    free = rng.random((3 * context.ROWS_AT_ONCE, 20)) < 0.6
+    free = rng.random((3 * cell_scorers.ROWS_AT_ONCE, 20)) < 0.6
     free[200:230] = False
     values = rng.random((int(free.sum()), 3))
     whole = window_means(GridLayout.of_mask(free), values, [0.1, 0.5], 0.1)

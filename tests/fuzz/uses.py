@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.experiment.graphs import SourceGraph
+from pgm_places.features.object_counts import ObjectCounts
 from pgm_places.inference.backends import build
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.bags import MapMessage
@@ -27,7 +28,6 @@ from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.vision.object_counts import ObjectCounts
 from tests.fuzz.seeds import NAMES
 from tests.live.test_live_node import Robot
 from tests.persistence.test_stored import chain, grid, path

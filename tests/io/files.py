@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from pgm_places.vision.object_counts import ObjectCounts
+from pgm_places.features.object_counts import ObjectCounts
 
 DESCRIPTION = {
     "resolution": "0.05",

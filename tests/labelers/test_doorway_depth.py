@@ -11,7 +11,7 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 
 RESOLUTION_M = 0.1
 SHAPE = (9, 30)

@@ -6,7 +6,7 @@ import pytest
 from pgm_places.labelling.places import doorways_as_rectangles
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 
 ROOM, CORRIDOR, DOORWAY = range(3)
 SIDE_M = 0.1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places_plugins.cascades import OPENCV_CASCADES, CascadeDetector
 
 from pgm_places.errors import InputError
-from pgm_places.vision.object_counts import PAPER_OBJECTS, Detector, count_objects
+from pgm_places.features.object_counts import PAPER_OBJECTS, Detector, count_objects
 from tests.refusals import refused
 
 

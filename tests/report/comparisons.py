@@ -11,7 +11,7 @@ from pgm_places.experiment.evaluated_items import EvalMap
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 
 NAMES = ("corridor", "room", "doorway")
 

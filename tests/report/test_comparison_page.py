@@ -26,7 +26,7 @@ from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page, write_report
 from pgm_places.report.comparison_tables import comparison_tables
 from pgm_places.report.summary import summary_of
-from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import DoorScores
 from tests.report.comparisons import small_comparison
 
 HISTORY = {

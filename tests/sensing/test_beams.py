@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pgm_places.sensing._beams import Beams
+from pgm_places.sensing.sensor import Beams
 from tests.reference.casting import direction
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pgm_places import LabelGraph, Sensor, SensorNoise
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.sensing._box import Box, NodeNumbers, tiles
+from pgm_places.sensing._cell_caster import Box, NodeNumbers, tiles
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
 from tests.sensing.test_ray_casting import random_grid
 

@@ -8,8 +8,8 @@ import pytest
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import Gates, _others
+from pgm_places.spaces.segment_features import components, neighbour_lists
 
 
 @pytest.mark.parametrize("n_edges", [0, 1, 10, 40, 200])

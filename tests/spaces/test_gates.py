@@ -12,9 +12,8 @@ from pgm_places import OccupancyGrid, load_labels, load_map
 from pgm_places._core import narrowest_chords, width_profiles
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE
-from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
-from pgm_places.spaces.gate import Gate
-from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
+from pgm_places.spaces.doorways import DoorScores, match_doors, match_painted
+from pgm_places.spaces.gates import Gate, Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import GATE_FEATURES
 from tests.real_data import real_data_folder

@@ -7,9 +7,13 @@ import pytest
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.cell_features import CellFeatures
-from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.gates import gate_candidates, gate_features
-from pgm_places.spaces.segment_features import area_cut_off, betweenness, segment_features
+from pgm_places.spaces.segment_features import (
+    area_cut_off,
+    betweenness,
+    neighbour_lists,
+    segment_features,
+)
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.unentered import find_unentered
 from tests.layouts import CHANGES, Array, check_any_layout

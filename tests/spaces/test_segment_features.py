@@ -14,7 +14,6 @@ from pgm_places.errors import InputError
 from pgm_places.graph.layout import MaskCells
 from pgm_places.spaces import cell_features
 from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, space_feature_names
-from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.openings import Openings
 from pgm_places.spaces.places import places_between
@@ -22,6 +21,7 @@ from pgm_places.spaces.segment_features import (
     SegmentRows,
     area_cut_off,
     betweenness,
+    neighbour_lists,
     segment_features,
     shape_columns,
 )

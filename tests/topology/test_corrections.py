@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.corrections import CorrectionRules, correct_regions
+from pgm_places.topology.corrections import correct_regions
 from pgm_places.topology.regions import contacts
+from pgm_places.topology.rules import CorrectionRules
 from tests.reference.topology import corrected
 from tests.topology.floors import rasters
 

@@ -5,10 +5,10 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.topology.checks import SplitCandidate, propose_splits
 from pgm_places.topology.cuts import line_width_m, runs_between
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_edits import split_at
-from pgm_places.topology.split_candidates import SplitCandidate, propose_splits
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import gated_floor_map, gates_of
 

@@ -13,8 +13,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
-from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.gates import Gate, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.gate_pieces import grow

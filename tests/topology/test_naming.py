@@ -1,6 +1,6 @@
 """Names of places: the user's, those of earlier maps, or class and id."""
 
-from pgm_places.topology.naming import name_places
+from pgm_places.topology.place_ids import name_places
 
 
 def test_a_place_is_known_by_one_number() -> None:

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.topology.connections import find_passages
-from pgm_places.topology.regions import Region, contacts, describe_regions, edges
+from pgm_places.topology.regions import Region, contacts, describe_regions, edges, find_passages
 from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")

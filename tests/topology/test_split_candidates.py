@@ -14,10 +14,10 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.palette import ERROR
 from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.report.places_summary import places_summary
+from pgm_places.topology.checks import split_candidates
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_edits import split_all_apart, split_apart
-from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.test_cuts import two_rooms
 

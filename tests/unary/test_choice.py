@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.unary.choice import UnaryChoice, accuracy_by_part
+from pgm_places.unary.options import UnaryChoice, accuracy_by_part
 
 SAFE = [0.8, 0.9, 0.7]
 

@@ -14,10 +14,9 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary import door_lines as module
+from pgm_places.unary import floor_model as module
 from pgm_places.unary import space_model
-from pgm_places.unary.door_lines import door_lines
-from pgm_places.unary.floor_model import FloorJudge, FloorModel
+from pgm_places.unary.floor_model import FloorJudge, FloorModel, door_lines
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 from tests.spaces.floors import grid_of, two_rooms
 from tests.unary.test_space_model import random_list

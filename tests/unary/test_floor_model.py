@@ -26,7 +26,7 @@ from pgm_places.simulation import generate_building
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.feature_table import CachedFeatures
-from pgm_places.unary.floor_model import FloorModel, columns_of, with_floor
+from pgm_places.unary.floor_model import FloorJudge, FloorModel, columns_of, with_floor
 from pgm_places.unary.options import SpaceOptions
 from tests.floor.random_network import random_network
 from tests.refusals import refused
@@ -188,10 +188,13 @@ def test_gates_are_judged_by_the_list_and_by_what_networks_see_there() -> None:
     seen = FloorScores(log_p, np.zeros(log_p.shape[:2], np.float16), rows, columns)
     odds = given / (1 - given)
     wanted = odds**0.75 * (0.9 / 0.1) ** 0.25
-    found = FloorModel((), gate_share=0.25).judged(seen, gates, given)
+    found = FloorJudge(FloorModel((), gate_share=0.25), seen).judged(gates, given)
     np.testing.assert_allclose(found, wanted / (1 + wanted), rtol=0, atol=2e-3)
     np.testing.assert_allclose(
-        FloorModel((), gate_share=0.0).judged(seen, gates, given), given, rtol=0, atol=1e-9
+        FloorJudge(FloorModel((), gate_share=0.0), seen).judged(gates, given),
+        given,
+        rtol=0,
+        atol=1e-9,
     )
 
 
@@ -204,5 +207,6 @@ def test_gates_over_two_metres_must_be_surer(low: int, high: int, less: float) -
     rows, columns = (holders(n, 0.2) for n in cells.shape)
     log_p = np.full((rows[-1] + 1, columns[-1] + 1, 4), np.log(0.25), np.float16)
     seen = FloorScores(log_p, np.zeros(log_p.shape[:2], np.float16), rows, columns)
-    [found] = FloorModel((), gate_share=0.0).judged(seen, gates, np.array([0.9])).tolist()
+    judge = FloorJudge(FloorModel((), gate_share=0.0), seen)
+    [found] = judge.judged(gates, np.array([0.9])).tolist()
     assert np.log(found / (1 - found)) == pytest.approx(np.log(9) - less)

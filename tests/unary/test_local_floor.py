@@ -12,8 +12,8 @@ from pgm_places.floor.architecture import parameters
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.persistence.labelers import dump_trajectory, load_trajectory
 from pgm_places.trained import trained_floor
-from pgm_places.unary.floor_model import FloorModel, LocalFloor, with_local_floor
-from pgm_places.unary.local_space_features import square_around
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_features import LocalFloor, square_around, with_local_floor
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
 from tests.quick_labeler import places

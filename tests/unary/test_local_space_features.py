@@ -16,7 +16,7 @@ from pgm_places.simulation import generate_building
 from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES, LocalSpaceFeatures
+from pgm_places.unary.local_features import N_LOCAL_SPACE_FEATURES, LocalSpaceFeatures
 from pgm_places.unary.scan_model import BeamOptions
 
 REACH_M = 4.0

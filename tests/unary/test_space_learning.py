@@ -11,9 +11,9 @@ from pgm_places.errors import ConfigError
 from pgm_places.simulation import generate_building
 from pgm_places.unary.learning import UnaryLearner
 from pgm_places.unary.list_learning import without_a_domain
-from pgm_places.unary.map_model import MIXED, UNARIES, UnaryModel
-from pgm_places.unary.options import ClassifierOptions, SpaceOptions
-from pgm_places.unary.space_learning import learn_spaces
+from pgm_places.unary.map_model import UnaryModel
+from pgm_places.unary.options import MIXED, UNARIES, ClassifierOptions, SpaceOptions
+from pgm_places.unary.space_model import learn_spaces
 from pgm_places.unary.training_cells import TrainingCells, _chosen
 
 NAMES = ("corridor", "room", "doorway")

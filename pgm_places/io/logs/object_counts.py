@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
 from pgm_places.errors import LogError, escape_control, quoted
+from pgm_places.features.object_counts import MOST, ObjectCounts
 from pgm_places.io.csv_table import MAX_VALUES, open_table
 from pgm_places.io.input_file import read_json, user_path
 from pgm_places.io.logs.bag_access import open_bag, stamp_s
 from pgm_places.options import Positive, check_option
-from pgm_places.vision.object_counts import MOST, ObjectCounts
 
 TIME = "t_s"
 MAX_CSV_BYTES, MAX_JSON_BYTES = 256 << 20, 32 << 20

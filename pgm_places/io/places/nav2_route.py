@@ -12,9 +12,8 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_json
 from pgm_places.progress import warn
-from pgm_places.topology.geojson import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import RouteGraph
-from pgm_places.topology.topological_map import TopologicalMap
+from pgm_places.topology.topological_map import DIGITS, LOCAL_METRES, TopologicalMap
 
 FIRST_NODE, FIRST_EDGE = 10_001, 30_001
 """Lower ids belong to places. Nav2 holds ids in 16 bits."""

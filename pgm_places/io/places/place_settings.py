@@ -21,7 +21,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import from_mapping, plain_values
 from pgm_places.options.marks import Ge, Le
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.rules import TopologyOptions, stored_options
 
 _SCHEMA = 1

@@ -32,14 +32,12 @@ from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
 from pgm_places.options.marks import Ge
-from pgm_places.spaces.gate import Gate
-from pgm_places.topology.checks import places_to_check
+from pgm_places.spaces.gates import Gate
+from pgm_places.topology.checks import places_to_check, split_candidates
 from pgm_places.topology.corrections import Correction
-from pgm_places.topology.geojson import SIZES, gate_record
 from pgm_places.topology.place_edits import renamed
-from pgm_places.topology.regions import HALL, Polygon, Region
-from pgm_places.topology.split_candidates import split_candidates
-from pgm_places.topology.topological_map import Connection, TopologicalMap
+from pgm_places.topology.regions import HALL, Connection, Polygon, Region
+from pgm_places.topology.topological_map import SIZES, TopologicalMap, gate_record
 
 MOST = 65535
 """The largest number in an image of numbers."""

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from experiments.paper.placement import place_objects
 from experiments.paper.simulated_detector import PlacedObjects, SimulatedDetector
 from pgm_places.errors import InputError
+from pgm_places.features.object_counts import Detector, count_objects
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building
-from pgm_places.vision.object_counts import Detector, count_objects
 
 
 def hall(yaw_rad: float = 0.0) -> OccupancyGrid:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError, LogError
+from pgm_places.features.object_counts import ObjectCounts
 from pgm_places.io.logs.object_counts import read_detection_bag, read_object_counts
-from pgm_places.vision.object_counts import ObjectCounts
 from tests.io.files import write_counts
 from tests.io.logs.detection_files import detection_bag
 

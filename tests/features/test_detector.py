@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.vision.object_counts import PAPER_OBJECTS, Detector, ObjectCounts, count_objects
+from pgm_places.features.object_counts import PAPER_OBJECTS, Detector, ObjectCounts, count_objects
 from tests.refusals import refused
 
 

@@ -157,11 +157,11 @@ class ObjectCounts:
         if not len(self):
             return columns
         nearest = self._nearest(wanted)
-        seen = np.abs(self.times_s[nearest] - wanted) <= within_s
+        is_near = np.abs(self.times_s[nearest] - wanted) <= within_s
         for column, name in enumerate(names):
             if name in self.object_names:
                 of_name = self.counts[nearest, self.object_names.index(name)]
-                columns[:, column] = np.where(seen, of_name, 0)
+                columns[:, column] = np.where(is_near, of_name, 0)
         return columns
 
     def seconds_from(self, times_s: ArrayLike) -> NDArray[np.float64]:
