@@ -19,7 +19,7 @@ from experiments.known_maps import NAMES, real_maps
 from experiments.page_tables import text_of, write_table
 from experiments.paper.section import Table
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.experiment import FeatureCache
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap

@@ -14,9 +14,9 @@ from ipaddress import ip_address
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from pgm_places._extras import needed
 from pgm_places.errors import ConfigError
 from pgm_places.live.ros_codec import TYPES, RosCodec
+from pgm_places.plugins import needed
 
 VARIABLE = "CYCLONEDDS_URI"
 

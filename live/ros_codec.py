@@ -3,8 +3,8 @@
 import math
 from typing import Any, NamedTuple
 
-from pgm_places._extras import needed
 from pgm_places.errors import InputError, escape_control
+from pgm_places.plugins import needed
 
 PLACE = """\
 std_msgs/Header header

@@ -51,7 +51,7 @@ def legend_beside(ax: "Axes", handles: list[Any]) -> None:
 
 def data_frame(columns: dict[str, Any], index: str) -> Any:
     """A table of pandas, which is optional; InputError if it is not installed."""
-    from pgm_places._extras import needed
+    from pgm_places.plugins import needed
 
     pandas = needed("pandas", extra="notebook", purpose="a table of pandas")
     return pandas.DataFrame(columns).set_index(index)

@@ -1,4 +1,4 @@
-"""Registries of classes by name: built-in ones and plug-ins from entry points.
+"""Registries of classes by name, built-in ones and plug-ins, and optional packages.
 
 A class that configurations can name is a frozen dataclass; its fields are its options. A model
 file holds the name and the options, and loading looks the class up by name.
@@ -7,9 +7,10 @@ file holds the name and the options, and loading looks the class up by name.
 import dataclasses
 import importlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from pgm_places.errors import ConfigError, ModelFileError, OutputError, nearest_name
+from pgm_places.errors import ConfigError, InputError, ModelFileError, OutputError, nearest_name
 from pgm_places.options import from_mapping, option_hints
 from pgm_places.progress import warn
 
@@ -134,3 +135,37 @@ class Registry:
 
         installed = {point.name: point.value for point in entry_points(group=self.group)}
         return {**installed, **self.built_in}
+
+
+def needed(module: str, *, extra: str, purpose: str) -> Any:
+    """The module of an optional package, which the ``extra`` of this package installs.
+
+    InputError if it is not installed; the message begins with the ``purpose`` and says how to
+    install it.
+
+    Examples
+    --------
+    >>> needed("json", extra="none", purpose="reading JSON").loads("[1]")
+    [1]
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f"{purpose} needs the package {module.partition('.')[0]!r} ({error}); install it with: "
+            f"{install_command(extra)}"
+        ) from None
+
+
+def install_command(extra: str) -> str:
+    """The pip command that installs an extra, of the checkout or of the installed package.
+
+    Examples
+    --------
+    >>> install_command("studio").startswith(("pip install --editable", "pip install pgm-places"))
+    True
+    """
+    root = Path(__file__).resolve().parents[1]
+    if (root / "pyproject.toml").is_file():
+        return f'pip install --editable "{root}[{extra}]"'
+    return f'pip install "pgm-places[{extra}]"'

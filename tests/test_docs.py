@@ -151,7 +151,7 @@ def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
     assert not [
         name
         for name, text in texts.items()
-        if 'install "pgm-places' in text and name != "_extras.py"
+        if 'install "pgm-places' in text and name != "plugins.py"
     ]
     named = {e for text in texts.values() for e in re.findall(r'"\.\[([a-z,-]+)\]"', text)}
     with (ROOT / "pyproject.toml").open("rb") as file:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pgm_places._extras import needed
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.plugins import needed
 from pgm_places.progress import report_stage
 from pgm_places.simulation import generate_building, simulate_map
 from pgm_places.training.labelled_raster import labelled_raster

@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from pgm_places.options import LIMITS
 from pgm_places.options.marks import Ge, Gt, Le, Lt, MinLen, marks_of, unannotated, union_members
 
 NO = object()
@@ -179,14 +180,8 @@ def _within(check: Check, marks: tuple[Any, ...], value: Any) -> Any:
     converted = check(value)
     if converted is NO:
         return NO
-    fits = all(
-        (not isinstance(mark, Ge) or converted >= mark.limit)
-        and (not isinstance(mark, Gt) or converted > mark.limit)
-        and (not isinstance(mark, Le) or converted <= mark.limit)
-        and (not isinstance(mark, Lt) or converted < mark.limit)
-        for mark in marks
-    )
-    return converted if fits else NO
+    limits = [mark for mark in marks if isinstance(mark, Ge | Gt | Le | Lt)]
+    return converted if all(LIMITS[type(mark)](converted, mark) for mark in limits) else NO
 
 
 def _word(words: tuple[Any, ...], value: Any) -> Any:

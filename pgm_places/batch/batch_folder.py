@@ -11,7 +11,6 @@ from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from pgm_places._extras import needed
 from pgm_places.batch.batch_index import LISTS, BatchIndex, index_of
 from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.map_task import Failure, LabelledRow, labelled_row, manifest_record
@@ -32,6 +31,7 @@ from pgm_places.io.places.result_folder import (
 from pgm_places.io.places.topology_files import MAX_BYTES
 from pgm_places.io.remote_files import RemoteFolder, address_of, temporary_folder
 from pgm_places.io.staging import claimed, remove_leftovers
+from pgm_places.plugins import needed
 from pgm_places.progress import Progress
 
 _RECORD = ".pgm-places-batch.json"

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, TypeVar
 
-from pgm_places._extras import needed
 from pgm_places.batch.local_workers import Fault, Judge, run_in_subprocess
 from pgm_places.errors import InputError, OutputError
+from pgm_places.plugins import needed
 
 Task = TypeVar("Task")
 

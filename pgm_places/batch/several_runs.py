@@ -10,8 +10,7 @@ from pgm_places.errors import OutputError
 from pgm_places.experiment.comparison import Comparison, over_seeds, over_splits
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.config_changes import seeded_config
-from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.experiment import Experiment, FeatureCache
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.splits import Split, splits_of
 from pgm_places.experiment.tasks import task_of

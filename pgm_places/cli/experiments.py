@@ -30,8 +30,7 @@ def _experiment(
 ) -> "Experiment":
     """The experiment of a configuration."""
     from pgm_places.experiment.config import load_config
-    from pgm_places.experiment.experiment import Experiment
-    from pgm_places.experiment.feature_cache import FeatureCache
+    from pgm_places.experiment.experiment import Experiment, FeatureCache
 
     experiment = Experiment(
         load_config(config_path),

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import pgm_places as pp
-from pgm_places._extras import needed
 from pgm_places.cli.arguments import ForceMisfit, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option, grouped, option_flags
 from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
@@ -16,6 +15,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsNetwork
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.options import AtLeastZero
+from pgm_places.plugins import needed
 
 if TYPE_CHECKING:
     from pgm_places.live.live_map import LiveLabels

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import pgm_places as pp
-from pgm_places._extras import needed
 from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import InputError
 from pgm_places.options.marks import Ge, Le
+from pgm_places.plugins import needed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -9,11 +9,11 @@ import numpy as np
 
 from pgm_places import plotting
 from pgm_places.evaluation import evaluation as metrics
-from pgm_places.evaluation.bootstrap import Interval, Resamples, pooled
+from pgm_places.evaluation.bootstrap import Interval, pooled
 from pgm_places.evaluation.evaluation import Evaluation
-from pgm_places.experiment.evaluated_items import TestItem, blocks_of
+from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.significance import Significance, judge
+from pgm_places.experiment.significance import Significance, judge, resampled_counts
 from pgm_places.inference.labeling import Labeling
 from pgm_places.plotting import Plotted, axes_or_new, data_frame
 from pgm_places.spaces.doorways import DoorScores
@@ -203,15 +203,7 @@ def score_intervals(
     ``NODES_PER_BLOCK`` adjacent nodes of graphs. ``labelings`` are per seed; seeds are resampled,
     too.
     """
-    resamples = Resamples.of(
-        np.concatenate([item.node_truth for item in maps]), blocks_of(maps), n_labels=n_labels
-    )
-    counts = pooled(
-        [
-            resamples.confusions(np.concatenate([labeling.labels for labeling in of_seed]))
-            for of_seed in labelings
-        ]
-    )
+    counts = pooled(resampled_counts(maps, n_labels)(labelings))
     return {
         "accuracy": Interval.of(metrics.accuracy(counts)),
         "balanced_accuracy": Interval.of(metrics.balanced_accuracy(counts)),

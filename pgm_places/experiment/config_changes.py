@@ -67,20 +67,6 @@ def seeded_config(config: ExperimentConfig, seed: int) -> ExperimentConfig:
     ``space.seed``), simulated runs in maps (``steps.seed``), cells for further training
     (``teaching.seed``), and methods with an option ``seed``. Test data, simulated drives and
     simulated maps do not change.
-
-    Examples
-    --------
-    >>> from pgm_places.experiment.config import parse_config
-    >>> config = parse_config(
-    ...     {
-    ...         "labels": {"names": ["corridor", "room"]},
-    ...         "train": [{"generated": 1}],
-    ...         "methods": [{"name": "relaxation"}],
-    ...     }
-    ... )
-    >>> changed = seeded_config(config, 5)
-    >>> changed.classifier.seed, changed.space.seed
-    (5, 5)
     """
     if config.base_model is not None:
         return changed_config(config, {"teaching.seed": seed})

@@ -92,9 +92,8 @@ def _tables(experiment: Experiment, options: GraphConfig) -> tuple[GraphTables, 
         ends: Table = {end: [] for end in options.ends}
         tables = GraphTables(read_table(path), ends)
         if options.edges is not None:
-            edge_path = experiment.resolve(options.edges)
-            tables = tables._replace(edges=read_table(edge_path))
-            experiment.record_input(edge_path)
+            with experiment.input_path(options.edges) as edge_path:
+                tables = tables._replace(edges=read_table(edge_path))
     experiment.record_input(path)
     return tables, path.name
 

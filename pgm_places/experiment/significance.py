@@ -138,6 +138,21 @@ def points(difference: float) -> str:
     return f"{value:+.1f}" if abs(value) >= 0.1 else f"{value:+.2g}"
 
 
+def resampled_counts(
+    items: Sequence[TestItem], n_labels: int
+) -> Callable[[Sequence[Sequence[Labeling]]], list[NDArray[np.int64]]]:
+    """A function from labellings of each seed and item to (1 + R, K, K) counts of each seed.
+
+    The counts are of all nodes, then of resampled blocks, the same for all labellings.
+    """
+    truth = np.concatenate([item.node_truth for item in items])
+    resamples = Resamples.of(truth, blocks_of(items), n_labels=n_labels)
+    return lambda repetitions: [
+        resamples.confusions(np.concatenate([labeling.labels for labeling in of_seed]))
+        for of_seed in repetitions
+    ]
+
+
 def judge(
     items: Sequence[TestItem],
     labelings: Mapping[str, Sequence[Sequence[Labeling]]],
@@ -151,17 +166,9 @@ def judge(
     """
     if len(labelings) < 2:
         return Significance((), {})
-    resamples = Resamples.of(
-        np.concatenate([item.node_truth for item in items]),
-        blocks_of(items),
-        n_labels=len(label_names),
-    )
-    figures, by_seed = {}, {}
+    count, figures, by_seed = resampled_counts(items, len(label_names)), {}, {}
     for name, repetitions in labelings.items():
-        counts = [
-            resamples.confusions(np.concatenate([labeling.labels for labeling in of_seed]))
-            for of_seed in repetitions
-        ]
+        counts = count(repetitions)
         figures[name] = _figures(pooled(counts), label_names)
         by_seed[name] = {f: [float(FIGURES[f](each[0])) for each in counts] for f in TESTED}
     by_building = {

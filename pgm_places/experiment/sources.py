@@ -108,17 +108,14 @@ def _read_map(
         experiment.record_input(path)
     labels = np.full(loaded.grid.shape, -1, np.int16)
     if source.labels is not None:
-        path = experiment.resolve(source.labels)
-        labels = load_labels(path, names, grid=loaded.grid, classes=source.classes)
-        experiment.record_input(path)
+        with experiment.input_path(source.labels) as path:
+            labels = load_labels(path, names, grid=loaded.grid, classes=source.classes)
     elif source.regions is not None:
-        path = experiment.resolve(source.regions)
-        labels = load_regions(path, names, loaded.grid, classes=source.classes)
-        experiment.record_input(path)
+        with experiment.input_path(source.regions) as path:
+            labels = load_regions(path, names, loaded.grid, classes=source.classes)
     if source.corrections is not None:
-        path = experiment.resolve(source.corrections)
-        known = Paint.read(path, loaded.grid, names).labels
-        experiment.record_input(path)
+        with experiment.input_path(source.corrections) as path:
+            known = Paint.read(path, loaded.grid, names).labels
         labels = np.where(known >= 0, known, labels)
     return loaded.grid, labels, yaml_path
 
@@ -258,11 +255,10 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
         path = path.transformed(source.frame)
     known = None if source.map is None else load_grid(experiment, source)
     if source.truth is not None:
-        truth = experiment.resolve(source.truth)
-        path = with_truth(
-            path, truth, names, label_column=source.label_column, classes=source.classes
-        )
-        experiment.record_input(truth)
+        with experiment.input_path(source.truth) as truth:
+            path = with_truth(
+                path, truth, names, label_column=source.label_column, classes=source.classes
+            )
     elif path.labels is not None:
         path = translated(path, names, source.classes)
     if source.resample_m is not None:
@@ -283,9 +279,8 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
     building = str(log) if known is None else known.building
     counts = None
     if source.counts is not None:
-        table = experiment.resolve(source.counts)
-        counts = read_object_counts(table)
-        experiment.record_input(table)
+        with experiment.input_path(source.counts) as table:
+            counts = read_object_counts(table)
         if not (counts.seconds_from(path.times_s) <= source.counts_within_s).any():
             experiment.warn(
                 f"{where}: no object counts within {source.counts_within_s:g} s of any step: do "

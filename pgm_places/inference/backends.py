@@ -259,14 +259,14 @@ def reordered_potentials(given: Potentials, order: NDArray[np.int64]) -> Potenti
     )
 
 
-def restored_labeling(found: Labeling, order: NDArray[np.int64]) -> Labeling:
+def restored_labeling(labeling: Labeling, order: NDArray[np.int64]) -> Labeling:
     """A labelling of a :func:`reordered` problem, converted to the original order."""
-    place, info = np.argsort(order), dict(found.info)
+    place, info = np.argsort(order), dict(labeling.info)
     if "node_marginals" in info:
         info["node_marginals"] = info["node_marginals"][:, place]
-    beliefs = None if found.beliefs is None else found.beliefs[:, place]
-    labels = order.astype(found.labels.dtype)[found.labels]
-    return replace(found, labels=labels, beliefs=beliefs, info=info)
+    beliefs = None if labeling.beliefs is None else labeling.beliefs[:, place]
+    labels = order.astype(labeling.labels.dtype)[labeling.labels]
+    return replace(labeling, labels=labels, beliefs=beliefs, info=info)
 
 
 def _restored(result: Any, order: NDArray[np.int64]) -> Any:

@@ -38,8 +38,8 @@ def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeli
     Examples
     --------
     >>> from pgm_places.inference.labeling import Status
-    >>> found = Labeling(np.array([0]), Status.EXACT, beliefs=np.array([[0.8, 0.2]]))
-    >>> tempered(found, 2.0).beliefs.round(3).tolist()
+    >>> labeling = Labeling(np.array([0]), Status.EXACT, beliefs=np.array([[0.8, 0.2]]))
+    >>> tempered(labeling, 2.0).beliefs.round(3).tolist()
     [[0.667, 0.333]]
     """
     if labeling.beliefs is None or temperature in ("auto", 1.0):

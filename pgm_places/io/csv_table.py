@@ -14,9 +14,9 @@ from xml.etree.ElementTree import ParseError
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._extras import needed
 from pgm_places.errors import InputError, quoted
 from pgm_places.io.input_file import as_unreadable, open_input
+from pgm_places.plugins import needed
 
 MAX_VALUES = 20_000_000
 """The largest number of values in a table: 160 MB."""

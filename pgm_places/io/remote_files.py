@@ -14,10 +14,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pgm_places._extras import install_command
 from pgm_places.errors import InputError, PgmPlacesError, escape_control
 from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import NEW, as_output_errors, stage
+from pgm_places.plugins import install_command
 from pgm_places.progress import warn
 
 Found = TypeVar("Found")

@@ -81,8 +81,8 @@ class JointLabeler(Labeler):
     >>> drive = SimulatedRobot().explore(building.grid, max_length_m=15.0)
     >>> drive = drive.labelled_by(known, building.label_names)
     >>> labeler = JointLabeler(building.label_names).fit([MappedDrive(known, drive)])
-    >>> found = labeler.label(building.grid, drive)
-    >>> len(found.steps.labels) == len(drive)
+    >>> labeling = labeler.label(building.grid, drive)
+    >>> len(labeling.steps.labels) == len(drive)
     True
     """
 

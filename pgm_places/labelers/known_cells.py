@@ -45,7 +45,9 @@ class KnownCells:
         raster = label_raster("known", known, grid.shape, n_labels=len(names))
         on_map = np.where(grid.free, raster, np.int16(-1))
         if used.resolution_m < grid.resolution_m:
-            on_cells = _split(on_map, grid, used)
+            layout = GridLayout.of_mask(used.free)
+            r, c = Coarsening(used, grid).holders(layout.cells_rc).T
+            on_cells = np.asarray(layout.to_raster(on_map[r, c], fill=-1))
         elif used is grid:
             on_cells = on_map
         else:
@@ -72,12 +74,3 @@ class KnownCells:
             beliefs = beliefs.copy()
             beliefs[known] = np.arange(beliefs.shape[1]) == nodes[known, np.newaxis]
         return replace(labeling, labels=labels, beliefs=beliefs)
-
-
-def _split(
-    on_map: NDArray[np.int16], grid: OccupancyGrid, used: OccupancyGrid
-) -> NDArray[np.int16]:
-    """(h, w) labels of a map on the cells of its refined version."""
-    layout = GridLayout.of_mask(used.free)
-    r, c = Coarsening(used, grid).holders(layout.cells_rc).T
-    return np.asarray(layout.to_raster(on_map[r, c], fill=-1))

@@ -38,7 +38,7 @@ import dataclasses
 import inspect
 import time
 from collections.abc import Callable, Hashable, Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 from pgm_places._arguments import public_options
 from pgm_places._arguments.kinds import NO, check_of, hints_of
@@ -48,6 +48,8 @@ from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.labelers.method import as_backend
 from pgm_places.options import check_option, option_values
 from pgm_places.progress import report_stage
+
+T = TypeVar("T")
 
 
 def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
@@ -80,6 +82,27 @@ def as_fitted(backend: Any, fitted: Any) -> Any:
     """A fitted backend with the labelling options of ``backend``, which has the same training."""
     chosen = {name: getattr(backend, name) for name in traits_of(backend).labelling_options}
     return dataclasses.replace(fitted, **chosen)
+
+
+def train_once(
+    methods: Mapping[str, tuple[Any, str]],
+    train: Callable[[str], T],
+    adapt: Callable[[str, T], T],
+) -> dict[str, tuple[T, float]]:
+    """The result of each method's training, and its time (s).
+
+    Methods with the same training (:func:`learned_with`) are trained once, with the time of the
+    first of them; ``adapt`` makes the result of the others from it.
+    """
+    shared, trained = learned_with(methods), dict[str, tuple[T, float]]()
+    for name in methods:
+        if name in shared:
+            trained[name] = adapt(name, trained[shared[name]][0]), 0.0
+            continue
+        start = time.perf_counter()
+        result = train(name)
+        trained[name] = result, time.perf_counter() - start
+    return trained
 
 
 def _training_key(backend: Any) -> Hashable | None:
@@ -203,25 +226,21 @@ class Labeler:
         (``method_``). Methods with the same training are trained once, and the time
         (``learn_seconds_``) counts for the first of them.
         """
-        shared = learned_with({name: (method, "") for name, method in methods.items()})
-        learned: dict[str, Mapping[str, Any]] = {}
-        labelers: dict[str, Self] = {}
-        option = self._method_option
-        for name, method in methods.items():
-            start = time.perf_counter()
-            if name in shared:
-                of_first = learned[shared[name]]
-                fitted = as_fitted(method, of_first[f"{option}_"])
-                learned[name] = {**of_first, f"{option}_": fitted}
-            else:
-                with report_stage(f"method {name}".rstrip()):
-                    learned[name] = learn(method)
-            spent = 0.0 if name in shared else time.perf_counter() - start
-            last = len(labelers) == len(methods) - 1
-            labeler = self if last else copy.copy(self)
+        option, labelers = f"{self._method_option}_", dict[str, Self]()
+
+        def train(name: str) -> Mapping[str, Any]:
+            with report_stage(f"method {name}".rstrip()):
+                return learn(methods[name])
+
+        def adapt(name: str, learned: Mapping[str, Any]) -> Mapping[str, Any]:
+            return {**learned, option: as_fitted(methods[name], learned[option])}
+
+        trained = train_once({name: (each, "") for name, each in methods.items()}, train, adapt)
+        for name, (learned, seconds) in trained.items():
+            labeler = self if len(labelers) == len(methods) - 1 else copy.copy(self)
             if len(methods) > 1:
-                labeler.set_params(**{option: method})
-            labelers[name] = labeler.set_learned(learn_seconds_=spent, **learned[name])
+                labeler.set_params(**{self._method_option: methods[name]})
+            labelers[name] = labeler.set_learned(learn_seconds_=seconds, **learned)
         return labelers
 
     def check_fitted(self) -> None:

@@ -81,7 +81,7 @@ class PlaceLabeler(Labeler):
     whole_spaces : bool
         Whether borders between ``corridor`` and ``room`` are moved to openings of segments, unless
         there is strong evidence for both, for methods with space features: see
-        :mod:`pgm_places.labelers.space_consistency`.
+        :mod:`pgm_places.labelers.place_problem`.
     doorway_depth_m : float, optional
         Depth of doorways at gates along the passage (m), for methods with space features; by
         default as in the training maps: see :mod:`pgm_places.labelers.place_problem`.
@@ -172,7 +172,7 @@ class PlaceLabeler(Labeler):
     ) -> Self:
         """Fit the lists, then the methods, on the same maps; returns the labeler itself.
 
-        A ``feature_cache`` (:class:`~pgm_places.experiment.feature_cache.FeatureCache`) stores the
+        A ``feature_cache`` (:class:`~pgm_places.experiment.experiment.FeatureCache`) stores the
         laser features of the maps on disk.
 
         Raises

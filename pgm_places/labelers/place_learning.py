@@ -2,7 +2,6 @@
 
 import inspect
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -17,7 +16,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.temperature import calibrated
-from pgm_places.labelers.labeler import as_fitted, learned_with
+from pgm_places.labelers.labeler import as_fitted, train_once
 from pgm_places.labelers.method import PlaceMethod, with_shares, with_unary
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
@@ -121,8 +120,9 @@ def learn_places(
     maps, names, halls = without_halls(maps, names)
     resolution_m = common_resolution(maps)
     methods = labeler.resolved_methods()
-    wanted = {method.unary for method in methods.values()} - {"auto"}
-    candidates = unary_candidates(labeler, maps, halls) if _chooses(methods) else ()
+    unaries = {method.unary for method in methods.values()}
+    wanted = unaries - {"auto"}
+    candidates = unary_candidates(labeler, maps, halls) if "auto" in unaries else ()
     if candidates == ("laser",):  # nothing to choose, so no folds are needed
         methods, candidates = with_unary(methods, "laser"), ()
     trained = wanted.union(candidates)
@@ -187,10 +187,6 @@ def unary_candidates(
     return (*with_spaces, *on_scans, *with_context, *with_networks)
 
 
-def _chooses(methods: Mapping[str, PlaceMethod]) -> bool:
-    return any(method.unary == "auto" for method in methods.values())
-
-
 def movement_of(
     maps: Sequence[LabelledMap], unary: LearnedUnary, n_labels: int
 ) -> "HiddenMarkovModel | None":
@@ -218,24 +214,25 @@ def learn_methods(
     Methods without training get the labels' shares. Methods with the same training are fitted once,
     and the time counts for the first of them. Held-out scores are used to calibrate beliefs.
     """
-    fitted, seconds = dict(methods), {}
-    shared = learned_with(
-        {name: (method.backend, method.unary) for name, method in methods.items()}
-    )
-    for name, method in methods.items():
-        if name in shared:
-            backend = as_fitted(method.backend, fitted[shared[name]].backend)
-            fitted[name] = replace(method, backend=backend)
-        elif isinstance(method.backend, Learnable):
-            problems = nodes.problems(method.unary)
-            with report_stage(f"training {name}") as stage:
-                start = time.perf_counter()
-                backend = _fitted(method.backend, problems, nodes.truths, stage)
-                seconds[name] = time.perf_counter() - start
-            fitted[name] = replace(method, backend=backend)
-        else:
-            backend = with_shares(method.backend, nodes.truths, len(nodes.label_names))
-            fitted[name] = replace(method, backend=backend)
+
+    def train(name: str) -> Any:
+        backend = methods[name].backend
+        if not isinstance(backend, Learnable):
+            return with_shares(backend, nodes.truths, len(nodes.label_names))
+        with report_stage(f"training {name}") as stage:
+            return _fitted(backend, nodes.problems(methods[name].unary), nodes.truths, stage)
+
+    def adapt(name: str, backend: Any) -> Any:
+        return as_fitted(methods[name].backend, backend)
+
+    pairs = {name: (method.backend, method.unary) for name, method in methods.items()}
+    trained = train_once(pairs, train, adapt)
+    fitted = {name: replace(methods[name], backend=each) for name, (each, _) in trained.items()}
+    seconds = {
+        name: spent
+        for name, (_, spent) in trained.items()
+        if spent and isinstance(methods[name].backend, Learnable)
+    }
     for name, method in fitted.items() if held_out else ():
         backend = calibrated(method.backend, nodes.problems(method.unary), nodes.truths)
         fitted[name] = replace(method, backend=backend)

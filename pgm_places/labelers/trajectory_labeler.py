@@ -20,8 +20,14 @@ from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.tracking import OnlineLabeler, filter_of
-from pgm_places.labelers.trajectory_learning import KnownMaps, learn_labelers, segment_problem
-from pgm_places.labelers.update_distance import EVERY_M, ChosenDistance, WithDistance
+from pgm_places.labelers.trajectory_learning import (
+    EVERY_M,
+    ChosenDistance,
+    KnownMaps,
+    WithDistance,
+    learn_labelers,
+    segment_problem,
+)
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel

@@ -1,13 +1,15 @@
 """Training a TrajectoryLabeler: the list on cells and steps, the method on held-out scores."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.bootstrap import is_ahead
+from pgm_places.evaluation.evaluation import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import fold_of_buildings, groups_of, map_buildings
 from pgm_places.features.custom import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
@@ -15,12 +17,6 @@ from pgm_places.inference.potentials import with_unseen_rows
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.method import as_backend, with_edge_kinds, with_shares
 from pgm_places.labelers.place_learning import confusion_counts, learn_movement
-from pgm_places.labelers.update_distance import (
-    EVERY_M,
-    ChosenDistance,
-    ObservedDrive,
-    chosen_distance,
-)
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -30,6 +26,124 @@ from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary import list_learning, scan_model
 from pgm_places.unary.scan_model import ScanModel
 from pgm_places.unary.training_cells import training_features
+
+EVERY_M = 0.1
+"""Default distance between updates. The paper has 0.2 to 0.5 m; shorter ones find more doorways."""
+
+TRIED_M = (0.1, 0.2, 0.35)
+"""Candidate distances. The first is used unless another is significantly better."""
+
+STRETCH_M = 5.0
+"""Length of the stretches of a drive whose errors count as dependent."""
+
+WHOLE_DRIVES, FOLDS = 3, 5
+"""Least number of drives to hold out complete drives, and largest number of folds."""
+
+
+class ObservedDrive(NamedTuple):
+    """The poses (T, 3), held-out scores (T, K) and labels (T,) of the labelled steps of a drive."""
+
+    poses: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    labels: NDArray[np.int64]
+
+    def part(self, steps: slice) -> "ObservedDrive":
+        """A part of the steps."""
+        return ObservedDrive(self.poses[steps], self.scores[steps], self.labels[steps])
+
+
+Learn = Callable[[float, Sequence[ObservedDrive]], Any]
+"""The method fitted on drives, with updates at a fixed distance in metres."""
+
+LabelDrive = Callable[[Any, PathSegments, NDArray[np.float64]], NDArray[np.int64]]
+"""The label of each segment by a fitted method, from the scores of the steps."""
+
+
+class ChosenDistance(NamedTuple):
+    """The distance with the best labels of held-out steps, and a text with all results."""
+
+    every_m: float
+    words: str
+
+
+class WithDistance:
+    """Mixin for labelers with a fixed or chosen distance between updates."""
+
+    every_m: Any
+    chosen_distance_: ChosenDistance | None = None
+
+    @property
+    def update_m(self) -> float:
+        """Distance between updates (m): the option, or the chosen distance."""
+        if self.every_m != "auto":
+            return float(self.every_m)
+        return self.chosen_distance_.every_m if self.chosen_distance_ else EVERY_M
+
+    @property
+    def method_choices(self) -> dict[str, str]:
+        """Options of the labeler that were chosen for the method, with a text each."""
+        chosen = self.chosen_distance_ if self.every_m == "auto" else None
+        return {"every_m": chosen.words} if chosen else {}
+
+
+def chosen_distance(
+    drives: Sequence[ObservedDrive], learn: Learn, label: LabelDrive
+) -> ChosenDistance:
+    """The distance in :data:`TRIED_M` with the best labels of held-out steps.
+
+    With three or more drives, complete drives are held out, else thirds of each. The first distance
+    is chosen unless others are significantly more accurate
+    (:func:`pgm_places.evaluation.bootstrap.is_ahead`); of these, the one with the best mean of
+    accuracy and balanced accuracy is chosen.
+    """
+    folds = _folds(drives)
+    truth = np.concatenate([drive.labels for held_out in folds for drive in held_out])
+    stretch, right = _stretches([drive for held_out in folds for drive in held_out]), []
+    results = []
+    for every_m in TRIED_M:
+        answers = []
+        for number, held_out in enumerate(folds):
+            others = [drive for k, fold in enumerate(folds) if k != number for drive in fold]
+            fitted = learn(every_m, others)
+            for drive in held_out:
+                segments = PathSegments(drive.poses, every_m)
+                answers.append(label(fitted, segments, drive.scores)[segments.of_step])
+        labels = np.concatenate(answers)
+        confusion = confusion_matrix(truth, labels)
+        results.append((float(accuracy(confusion)), float(balanced_accuracy(confusion))))
+        right.append((labels == truth).astype(np.float64))
+    ahead = [k for k, drive in enumerate(right) if is_ahead(drive - right[0], stretch)]
+    best = max(ahead, key=lambda k: round(sum(results[k]), 9), default=0)
+    figures = ", ".join(
+        f"{every_m:g} m {100 * accurate:.1f} / {100 * balanced:.1f}"
+        for every_m, (accurate, balanced) in zip(TRIED_M, results, strict=True)
+    )
+    words = f"{TRIED_M[best]:g} (accuracy / balanced accuracy on held-out steps: {figures})"
+    return ChosenDistance(TRIED_M[best], words)
+
+
+def _folds(drives: Sequence[ObservedDrive]) -> list[list[ObservedDrive]]:
+    """The drives, or parts of drives, of each fold."""
+    if len(drives) >= WHOLE_DRIVES:
+        return [list(drives[k::FOLDS]) for k in range(min(FOLDS, len(drives)))]
+    folds: list[list[ObservedDrive]] = [[] for _ in range(WHOLE_DRIVES)]
+    for drive in drives:
+        cuts = np.linspace(0, len(drive.labels), WHOLE_DRIVES + 1).astype(int).tolist()
+        for fold, first, last in zip(folds, cuts[:-1], cuts[1:], strict=True):
+            if last > first:
+                fold.append(drive.part(slice(first, last)))
+    return [fold for fold in folds if fold]
+
+
+def _stretches(drives: Sequence[ObservedDrive]) -> NDArray[np.int64]:
+    """(N,) the index of the stretch of each step, over all drives."""
+    numbers, first = [], 0
+    for drive in drives:
+        own = PathSegments(drive.poses, STRETCH_M).of_step
+        numbers.append(first + own)
+        first += int(own.max(initial=-1)) + 1
+    return np.concatenate(numbers)
+
 
 KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
 """The map of all trajectories, or one for each."""
@@ -47,9 +161,7 @@ class ListExamples:
     n_of_map: tuple[int, ...]
     steps: tuple[NDArray[np.int64], ...]
 
-    def split(
-        self, values: NDArray[np.float64]
-    ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    def split(self, values: NDArray[Any]) -> tuple[list[NDArray[Any]], list[NDArray[Any]]]:
         """Split values of all examples into arrays of each map and of each trajectory."""
         ends = np.cumsum([*self.n_of_map, *map(len, self.steps)])
         arrays = np.split(values, ends[:-1])
@@ -147,14 +259,12 @@ def learn_method(
     n_labels, moves_on_maps = len(labeler.label_names), False
     of_cells, of_steps = examples.split(scores)
     drives = [
-        ObservedDrive(labelled.poses, log_z, _labels(labelled))
-        for labelled, log_z in zip(
-            map(Trajectory.subset, trajectories, examples.steps), of_steps, strict=True
-        )
+        ObservedDrive(drive.poses[steps], log_z, _labels(drive)[steps])
+        for drive, steps, log_z in zip(trajectories, examples.steps, of_steps, strict=True)
     ]
     if isinstance(method, HiddenMarkovModel) and maps:
         moves_on_maps = True
-        known = np.split(examples.rows.truth, np.cumsum(examples.n_of_map))[:-1]
+        known, _ = examples.split(examples.rows.truth)
         drawn = {"n_runs": labeler.n_runs, "seed": labeler.seed}
         method = learn_movement(maps, known, of_cells, n_labels, model=method, **drawn)
         if not drives:
@@ -180,10 +290,8 @@ def learn_method(
         ).labels
         return labels
 
-    if labeler.every_m != "auto":
-        return learn(labeler.every_m, drives), None
-    if not isinstance(method, HiddenMarkovModel):
-        return learn(EVERY_M, drives), None
+    if labeler.every_m != "auto" or not isinstance(method, HiddenMarkovModel):
+        return learn(EVERY_M if labeler.every_m == "auto" else labeler.every_m, drives), None
     chosen = chosen_distance(drives, learn, label)
     return learn(chosen.every_m, drives), chosen
 

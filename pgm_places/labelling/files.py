@@ -234,7 +234,15 @@ def write_labels(
     if outputs.probabilities:
         written += _write_probabilities(result, folder)
     if outputs.pictures:
-        written.append(_write_overview(result, source, folder, packing or Packing()))
+        drawing = overview(
+            result.grid,
+            result.labels,
+            result.label_names,
+            beliefs=result.labeling.beliefs,
+            layout=result.layout,
+            title=source.name,
+        )
+        written.append((packing or Packing()).write(folder / "overview.png", drawing))
     return written
 
 
@@ -252,20 +260,6 @@ def _record_of(result: LabelledPlaces, source: MapFile) -> dict[str, object]:
         "bound": result.labeling.bound,
         "warnings": [],
     }
-
-
-def _write_overview(
-    result: LabelledPlaces, source: MapFile, folder: Path, packing: Packing
-) -> Path:
-    drawing = overview(
-        result.grid,
-        result.labels,
-        result.label_names,
-        beliefs=result.labeling.beliefs,
-        layout=result.layout,
-        title=source.name,
-    )
-    return packing.write(folder / "overview.png", drawing)
 
 
 def label_record(folder: Path) -> dict[str, Any]:

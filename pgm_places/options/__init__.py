@@ -175,7 +175,7 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
 
 
 _NO = object()
-_LIMITS: dict[type, Callable[[Any, Any], bool]] = {
+LIMITS: Mapping[type, Callable[[Any, Any], bool]] = {
     Ge: lambda value, mark: value >= mark.limit,
     Gt: lambda value, mark: value > mark.limit,
     Le: lambda value, mark: value <= mark.limit,
@@ -189,7 +189,7 @@ def _taken(hint: Any, value: Any) -> Any:
     """The value converted to its annotation (an int to a declared float), or ``_NO``."""
     for kind, marks, infinite in _read(hint):
         taken = _of_kind(kind, infinite, value)
-        if taken is not _NO and all(_LIMITS[type(mark)](taken, mark) for mark in marks):
+        if taken is not _NO and all(LIMITS[type(mark)](taken, mark) for mark in marks):
             return taken
     return _NO
 
@@ -200,7 +200,7 @@ def _read(hint: Any) -> list[tuple[Any, list[Any], bool]]:
     alternatives = []
     for arm in union_members(hint):
         marks = [mark for mark in marks_of(arm) if not isinstance(mark, OrInfinite)]
-        if unknown := [mark for mark in marks if type(mark) not in _LIMITS]:
+        if unknown := [mark for mark in marks if type(mark) not in LIMITS]:
             raise TypeError(f"options know no mark {unknown[0]!r}; take limits such as Ge(0)")
         alternatives.append((unannotated(arm), marks, len(marks) < len(marks_of(arm))))
     return alternatives

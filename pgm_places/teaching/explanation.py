@@ -12,7 +12,7 @@ from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution, window_to_label
-from pgm_places.labelers.place_problem import doorway_log_odds
+from pgm_places.labelers.place_problem import doorway_zones
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
@@ -277,8 +277,8 @@ class _View:
         if doorway is None:
             return 0.0
         log_z, depth_m = scores.of(self.method.unary), self.labeler.doorway_depth_m
-        added = doorway_log_odds(log_z, scores.accepted_gates, self.layout, doorway, depth_m)
-        return float(added[node][0])
+        zone, added = doorway_zones(log_z, scores.accepted_gates, self.layout, doorway, depth_m)
+        return float(added[zone[node]][0])
 
     @cached_property
     def spaces(self) -> MapSpaces:

@@ -117,7 +117,7 @@ class CellExplanation:
         Their weight in the log-odds of each label; questions and gate have the remaining weight.
     doorway_log_odds : float
         Final contribution of the accepted gates' positions to the log-odds of a doorway; see
-        :func:`~pgm_places.labelers.place_problem.doorway_log_odds`.
+        :func:`~pgm_places.labelers.place_problem.doorway_zones`.
     neighbours : tuple of NeighbourPull
         The neighbours in the graph.
     region : Region or None

@@ -43,7 +43,7 @@ def iter_features(
 class FeatureTables(Protocol):
     """Cache of tables of laser features, by keys of their inputs.
 
-    :class:`pgm_places.experiment.feature_cache.FeatureCache` stores them as files.
+    :class:`pgm_places.experiment.experiment.FeatureCache` stores them as files.
     """
 
     def key(self, item: LabelledMap, sensor: Sensor, mask: NDArray[np.bool_]) -> str:

@@ -12,8 +12,7 @@ from pgm_places.batch.several_runs import RunTask, compare_several, run_tasks
 from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.config import load_config
-from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.experiment import Experiment, FeatureCache
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.splits import splits_of
 from pgm_places.io.maps.label_image import save_labels

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import OutputError
-from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.experiment import FeatureCache
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap

@@ -6,7 +6,7 @@ import pytest
 from pgm_places import trained_labeler
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelers.place_problem import doorway_log_odds, doorways_at_gates
+from pgm_places.labelers.place_problem import doorway_zones, doorways_at_gates
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building
@@ -64,7 +64,8 @@ def test_odds_fall_with_the_distance_from_the_gate(
     log_z, found, layout, doorways = _passage(1.5, slice(0, 30), depth_m)
     away_m = np.abs((np.arange(30) + 0.5) * RESOLUTION_M - 1.5)
     odds = np.where(away_m < reach_m, 1.0, np.where(away_m < 1.1, odds_near, 0.02))
-    added = layout.to_raster(doorway_log_odds(log_z, doorways, layout, 2, depth_m), fill=0.0)
+    zone, log_odds = doorway_zones(log_z, doorways, layout, 2, depth_m)
+    added = layout.to_raster(log_odds[zone], fill=0.0)
     assert np.allclose(added, np.log(odds))
     same = layout.to_raster(np.isclose(found, log_z).all(axis=1), fill=False)
     assert (same == (odds == 1)).all()

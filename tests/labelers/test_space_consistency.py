@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.graph.layout import GridLayout, MaskCells
-from pgm_places.labelers.space_consistency import smooth_over_spaces
+from pgm_places.labelers.place_problem import smooth_over_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building
 from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, NodeSegments

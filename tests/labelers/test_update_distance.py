@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.labelers.update_distance import ObservedDrive, WithDistance, chosen_distance
+from pgm_places.labelers.trajectory_learning import ObservedDrive, WithDistance, chosen_distance
 from pgm_places.trajectories.segments import PathSegments
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from pgm_places._extras import install_command
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.setup import make_labeler
+from pgm_places.plugins import install_command
 from pgm_places.training.floor_teaching import taught_floor
 from pgm_places.unary.floor_model import FloorModel
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import set_frozen
-from pgm_places._extras import install_command, needed
 from pgm_places.errors import InputError
 from pgm_places.options import Whole, check_options
 from pgm_places.options.marks import Ge, Gt
+from pgm_places.plugins import install_command, needed
 
 OPENCV_CASCADES = {
     "frontal face": "haarcascade_frontalface_default.xml",

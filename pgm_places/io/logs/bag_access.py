@@ -15,10 +15,10 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from pgm_places._extras import needed
 from pgm_places.errors import LogError, PgmPlacesError, escape_control, quoted
 from pgm_places.io.input_file import file_kind, open_input, user_path
 from pgm_places.io.strict_yaml import read_yaml
+from pgm_places.plugins import needed
 
 MAX_CHUNK_BYTES = 256 << 20
 """The largest unpacked chunk; writers begin a new one after some megabytes."""

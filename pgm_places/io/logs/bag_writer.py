@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._extras import needed
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import atomic_file, atomic_folder
+from pgm_places.plugins import needed
 from pgm_places.trajectories.trajectory import Trajectory
 
 _ROS2_VERSION = 9

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._extras import needed
 from pgm_places.io.atomic import atomic_folder
 from pgm_places.io.logs.bag_writer import ros2_writer
 from pgm_places.palette import label_colours, rgb_of
+from pgm_places.plugins import needed
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
