@@ -319,12 +319,13 @@ def _sources(config: ExperimentConfig) -> Iterator[tuple[str, SourceConfig]]:
         yield from ((f"{part}[{index}]", source) for index, source in enumerate(sources))
 
 
-def load_config(path: Path, *, preset: str | None = None) -> ExperimentConfig:
+def load_config(path: str | Path, *, preset: str | None = None) -> ExperimentConfig:
     """The checked configuration of a TOML file; ``preset`` overrides the file's preset.
 
     ConfigError if the file cannot be read, is not TOML, or contains an unknown key, value or
     method.
     """
+    path = Path(path)
     content = read_toml(path, ConfigError, "a configuration (TOML)")
     if preset is not None:
         content["preset"] = preset

@@ -190,7 +190,7 @@ WHOLE_GRAPH_FEATURES = {"diagonal", "kind", "raw-difference"}
 
 
 def label_many(backend: Any, problems: Sequence[LabelingProblem]) -> list[Labeling]:
-    """A backend's labelling of each problem.
+    """The labelling of each problem by a method, such as ``build("crf").fit(...)``.
 
     Networks and fields (``amn``, ``crf``) label graphs without cycles in one call, if the decoder
     is exact on them and no edge feature depends on the whole graph (as ``raw-difference`` does).

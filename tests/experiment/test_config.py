@@ -1,11 +1,12 @@
 """Configurations: defaults, and one clear line for everything that is wrong."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pgm_places.errors import ConfigError
-from pgm_places.experiment.config import parse_config
+from pgm_places.experiment.config import load_config, parse_config
 from pgm_places.experiment.setup import make_labeler, resolved_config
 from pgm_places.labelers.presets import preset_record
 
@@ -25,6 +26,17 @@ def changed(**parts: Any) -> dict[str, Any]:
 def source(**keys: Any) -> dict[str, Any]:
     """With further keys of its only map."""
     return changed(train=[{"map": "a.yaml", "labels": "a.png", **keys}])
+
+
+def test_a_file_may_be_named_by_text(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(
+        '[labels]\nnames = ["corridor", "room"]\n[[train]]\ngenerated = 1\n'
+        '[[methods]]\nname = "independent"\n'
+    )
+    assert load_config(str(path)) == load_config(path)
+    with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
+        load_config(str(tmp_path / "absent.toml"))
 
 
 def test_defaults_are_filled_in() -> None:
