@@ -124,6 +124,20 @@ class AssociativeMarkovNetwork(LinearModel):
     certified_tolerance : float
         The relative gap of that objective to the lower bound that the cutting plane tries to reach.
 
+    Further options are those of :class:`~pgm_places.models.linear_model.LinearModel`: ``loss``,
+    ``class_weight``, ``scale``, ``warm_start`` and others.
+
+    Attributes
+    ----------
+    node_weights : (D + 1, K) float
+        Learned weights of the scaled node features, and of a constant; None before ``fit``.
+    edge_weights : (F, K) float
+        Learned rewards of agreement, at least 0, by edge feature and label.
+    learned_names : tuple of K str
+        The order of labels in the weights.
+    summary : dict
+        Status of learning, C (``penalty``), objective, lower bound, held-out accuracies.
+
     Examples
     --------
     >>> from pgm_places.graph.label_graph import LabelGraph

@@ -120,6 +120,20 @@ class ConditionalRandomField(LinearModel):
     certified_tolerance : float, optional
         Target of the relative gap certified by TRW-S, for max margin on graphs with cycles.
 
+    Further options are those of :class:`~pgm_places.models.linear_model.LinearModel`: ``loss``,
+    ``class_weight``, ``scale``, ``warm_start`` and others.
+
+    Attributes
+    ----------
+    node_weights : (D + 1, K) float
+        Learned weights of the scaled node features, and of a constant; None before ``fit``.
+    tables : (F, K, K) float
+        Learned scores of pairs of labels, by edge feature, first and second node.
+    learned_names : tuple of K str
+        The order of labels in the weights.
+    summary : dict
+        Status of learning, C (``penalty``), objective, lower bound, held-out accuracies.
+
     Examples
     --------
     >>> from pgm_places.graph.label_graph import LabelGraph
