@@ -19,6 +19,7 @@ from pgm_places.solvers.local_search import allowed_labels
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import TableField
 from tests.labelers.test_contract import NAMES, known, walk
+from tests.refusals import refused
 
 
 def test_no_writer_replaces_a_file_of_another_kind(tmp_path: Path) -> None:
@@ -90,10 +91,8 @@ def test_masks_are_masks() -> None:
     graph = p.LabelGraph.from_edges(3, [(0, 1), (1, 2)])
     problem = p.LabelingProblem(graph, NAMES, np.zeros((3, 2)))
     for nodes in ([0, 1, 2], [np.nan] * 3):
-        with pytest.raises(InputError, match="nodes must be a mask of True and False"):
-            graph.subgraph(nodes)
-        with pytest.raises(InputError, match="nodes must be a mask of True and False"):
-            problem.subproblem(nodes)
+        refused(InputError, "nodes must be a mask of True and False", graph.subgraph, nodes)
+        refused(InputError, "nodes must be a mask of True and False", problem.subproblem, nodes)
     masked = np.ma.masked_array(np.zeros((3, 2)), np.eye(3)[:, :2] > 0)
     with pytest.raises(InputError, match="a masked array, 2 of its values masked; fill them"):
         p.LabelingProblem(graph, NAMES, masked)
@@ -102,8 +101,7 @@ def test_masks_are_masks() -> None:
 def test_a_node_without_labels_is_named() -> None:
     graph = p.LabelGraph.from_edges(2, [(0, 1)])
     barred = p.Potentials([[-np.inf, -np.inf], [0.0, 0.0]])  # type: ignore[arg-type]
-    with pytest.raises(InfeasibleError, match="node 0"):
-        p.decode(graph, barred, "trw-s")
+    refused(InfeasibleError, "node 0", p.decode, graph, barred, "trw-s")
     unlike = p.Potentials(np.zeros((2, 2)), np.where(np.eye(2) > 0, -np.inf, 0.0))
     for method in ("trw-s", "icm", "max-product", "lp"):
         with pytest.raises(
@@ -157,8 +155,7 @@ def test_words_of_functions_are_those_of_options() -> None:
 @pytest.mark.parametrize("labels", [[0, 1, 2, 10**6], [], [0, 1, 2, -1], [0, 1]])
 def test_labels_that_do_not_fit_are_refused(asks: Callable[..., Any], labels: list[int]) -> None:
     model = pairwise_model(np.zeros((4, 3)), [(0, 1), (1, 2), (2, 3)], pairwise=np.eye(3))
-    with pytest.raises(InputError, match="labels must"):
-        asks(model, np.array(labels, np.int64))
+    refused(InputError, "labels must", asks, model, np.array(labels, np.int64))
 
 
 def test_infinities_are_no_integers() -> None:

@@ -21,6 +21,7 @@ from pgm_places.io.input_file import (
     user_path,
 )
 from pgm_places.io.output_set import output_set
+from tests.refusals import refused
 
 
 def test_a_pipe_is_read_where_it_is_as_good_as_a_file(tmp_path: Path) -> None:
@@ -61,10 +62,8 @@ def test_what_is_no_file_is_one_message(tmp_path: Path, name: str, message: str)
 
 def test_users_and_their_paths() -> None:
     assert user_path("~/map.yaml", MapError) == Path.home() / "map.yaml"
-    with pytest.raises(MapError, match="no such user"):
-        user_path("~nobody-of-this-name/map.yaml", MapError)
-    with pytest.raises(MapError, match="not a valid file name"):
-        user_path("a\0b", MapError)
+    refused(MapError, "no such user", user_path, "~nobody-of-this-name/map.yaml", MapError)
+    refused(MapError, "not a valid file name", user_path, "a\0b", MapError)
 
 
 @pytest.mark.parametrize("address", ["s3://bucket/map.yaml", "gs://b/m", "https://a.b/c.yaml"])
@@ -106,8 +105,7 @@ def test_reading_takes_the_memory_of_the_file_and_not_of_the_limit(tmp_path: Pat
 def test_a_file_without_a_size_is_read_whole() -> None:
     path = Path("/proc/version")
     assert read_bytes(path, MapError, "a version", max_bytes=1000) == path.read_bytes()
-    with pytest.raises(MapError, match="larger than 3 bytes"):
-        read_bytes(path, MapError, "a version", max_bytes=3)
+    refused(MapError, "larger than 3 bytes", read_bytes, path, MapError, "a version", max_bytes=3)
 
 
 def test_contents_are_read_without_a_byte_order_mark(tmp_path: Path) -> None:

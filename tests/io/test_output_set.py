@@ -12,6 +12,7 @@ from pgm_places.errors import OutputError
 from pgm_places.io.atomic import atomic_folder, write_text
 from pgm_places.io.output_set import RECORD_FILE, claim, output_set
 from pgm_places.io.staging import UNFINISHED, stage
+from tests.refusals import refused
 
 
 def write(
@@ -96,8 +97,7 @@ def test_a_file_of_the_user_is_overwritten_with_force_only(
 
 def test_a_changed_file_that_would_be_removed_is_refused_too(out: Path) -> None:
     (out / "b").write_text("by hand")
-    with pytest.raises(OutputError, match=r"cannot overwrite .*b: it was changed since"):
-        write(out, "label", "a")
+    refused(OutputError, r"cannot overwrite .*b: it was changed since", write, out, "label", "a")
     write(out, "topology", "t")  # which has nothing to do with it
     assert (out / "b").read_text() == "by hand"
 
@@ -184,8 +184,7 @@ def test_an_unfinished_swap_from_a_stranger_reaches_no_file_outside(
     (out / "link").symlink_to(out.parent)
     (out / UNFINISHED / "new").mkdir(parents=True)
     (out / UNFINISHED / "removed.json").write_text(json.dumps([removed]))
-    with pytest.raises(OutputError, match="points outside the folder"):
-        write(out, "label", "a")
+    refused(OutputError, "points outside the folder", write, out, "label", "a")
     assert (out.parent / "victim").exists()
 
 
@@ -219,8 +218,7 @@ def test_a_claimed_folder_is_ours(tmp_path: Path) -> None:
     assert names(tmp_path / "out") == {"a", RECORD_FILE}
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "x").touch()
-    with pytest.raises(OutputError, match="such as x"):
-        claim(tmp_path / "mine")
+    refused(OutputError, "such as x", claim, tmp_path / "mine")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs an exchange of folders")

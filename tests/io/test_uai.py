@@ -18,6 +18,7 @@ from pgm_places.io.uai import (
 )
 from pgm_places.models.factor_decoding import decode_factors
 from tests.inference.test_factor_graph import random_factors
+from tests.refusals import refused
 
 SPECIFIED = """MARKOV
 3
@@ -197,8 +198,7 @@ def test_damage_is_told_in_one_line(old: str, new: str, text: str, tmp_path: Pat
 )
 def test_damaged_evidence_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "e").write_text(text)
-    with pytest.raises(InputError, match="evidence"):
-        read_evidence(tmp_path / "e", 3)
+    refused(InputError, "evidence", read_evidence, tmp_path / "e", 3)
 
 
 @pytest.mark.parametrize(
@@ -212,14 +212,12 @@ def test_damaged_evidence_is_refused(text: str, tmp_path: Path) -> None:
 )
 def test_damaged_results_are_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "r").write_text(text)
-    with pytest.raises(InputError, match="a result"):
-        read_uai_result(tmp_path / "r")
+    refused(InputError, "a result", read_uai_result, tmp_path / "r")
 
 
 def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     graph = FactorGraph.of([2], [(0,)], [[0.0, -800.0]])
-    with pytest.raises(InputError, match="table 0 holds a log-potential of -800"):
-        write_uai(tmp_path / "n", graph)
+    refused(InputError, "table 0 holds a log-potential of -800", write_uai, tmp_path / "n", graph)
     bare = Labeling(np.array([0]), Status.CONVERGED)
     with pytest.raises(InputError, match="MAR needs beliefs"):
         write_uai_result(tmp_path / "r", bare, "MAR", graph=graph)

@@ -41,6 +41,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.scan_model import BeamOptions
+from tests.refusals import refused
 
 QUICK = DecisionListClassifier(n_rounds=4, order="rarest-first")
 FEW = SpaceOptions(n_rounds=4)
@@ -161,10 +162,8 @@ def test_fit_returns_the_labeler_itself_and_changes_no_option(case: Case) -> Non
 def test_before_fit_it_says_what_to_call(case: Case) -> None:
     labeler = case.labeler()
     wanted = f"this {type(labeler).__name__} is not fitted yet; call {case.call_first} first"
-    with pytest.raises(NotFittedError, match=wanted):
-        case.label(labeler)
-    with pytest.raises(SklearnNotFittedError, match="is not fitted yet"):
-        check_is_fitted(labeler)
+    refused(NotFittedError, wanted, case.label, labeler)
+    refused(SklearnNotFittedError, "is not fitted yet", check_is_fitted, labeler)
     check_is_fitted(case.fit(labeler, 0))
 
 
@@ -173,8 +172,7 @@ def test_a_clone_has_the_options_and_nothing_learned(case: Case) -> None:
     twin = clone(labeler)
     assert twin.get_params()[case.option] == 3
     assert twin.get_params().keys() == labeler.get_params().keys()
-    with pytest.raises(NotFittedError, match="is not fitted yet"):
-        case.label(twin)
+    refused(NotFittedError, "is not fitted yet", case.label, twin)
     np.testing.assert_array_equal(case.label(case.fit(twin, 0)), case.label(labeler))
 
 
@@ -191,8 +189,7 @@ def test_an_option_that_is_none_is_refused_with_the_nearest(case: Case) -> None:
     with pytest.raises(ConfigError, match=rf"has no option 'n_fold'\. Did you mean '{case.option}"):
         labeler.set_params(n_fold=3)
     name = next(iter(case.inner))
-    with pytest.raises(ConfigError, match="has no option"):
-        labeler.set_params(**{f"{name}x": 1})
+    refused(ConfigError, "has no option", labeler.set_params, **{f"{name}x": 1})
 
 
 def test_its_text_shows_the_options_that_differ(case: Case) -> None:

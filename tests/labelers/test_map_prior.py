@@ -8,6 +8,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
+from tests.refusals import refused
 
 GRID = OccupancyGrid(np.zeros((2, 3), np.int8), 1.0, (10.0, -5.0), np.pi / 2)
 TABLE = np.array([[[3, 1], [1, 0], [0, 0]], [[1, 1], [0, 4], [1, 3]]], np.float32)
@@ -61,14 +62,10 @@ def test_within_a_segment_another_map_takes_the_place_of_the_one_before() -> Non
 
 
 def test_what_is_no_labelled_map_is_refused() -> None:
-    with pytest.raises(InputError, match=r"probabilities must have shape \(2, 3, K\)"):
-        MapPrior(GRID, TABLE[:1])
-    with pytest.raises(InputError, match="weight must be above 0, got 0"):
-        MapPrior(GRID, TABLE, weight=0)
-    with pytest.raises(InputError, match="at least 0 and finite"):
-        MapPrior(GRID, -TABLE)
-    with pytest.raises(LabelError, match="no cell of the labelled map has a label"):
-        MapPrior(GRID, 0 * TABLE)
+    refused(InputError, r"probabilities must have shape \(2, 3, K\)", MapPrior, GRID, TABLE[:1])
+    refused(InputError, "weight must be above 0, got 0", MapPrior, GRID, TABLE, weight=0)
+    refused(InputError, "at least 0 and finite", MapPrior, GRID, -TABLE)
+    refused(LabelError, "no cell of the labelled map has a label", MapPrior, GRID, 0 * TABLE)
     with pytest.raises(LabelError, match="has 2 labels, but the model has 3: a, b, c"):
         MapPrior(GRID, TABLE).check_labels(("a", "b", "c"))
 
@@ -76,5 +73,4 @@ def test_what_is_no_labelled_map_is_refused() -> None:
 def test_rescaling_without_a_distance_is_refused() -> None:
     labeler = TrajectoryLabeler(("a", "b"), every_m=0.0)
     labeler.set_learned(method_=HiddenMarkovModel(), label_names_=("a", "b"), scan_model_=None)
-    with pytest.raises(InputError, match="updates every 0 m cannot be rescaled"):
-        labeler.updated_every(0.3)
+    refused(InputError, "updates every 0 m cannot be rescaled", labeler.updated_every, 0.3)

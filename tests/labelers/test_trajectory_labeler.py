@@ -19,6 +19,7 @@ from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
 from tests.quick_labeler import places
+from tests.refusals import refused
 
 KNOWN = BeamOptions("known-map")
 QUICK = DecisionListClassifier(n_rounds=20, order="heuristic")
@@ -124,8 +125,7 @@ def test_extra_columns_are_learned_from_like_the_lasers_own() -> None:
     assert other.geometry is not None
     belief = tool.online(other.geometry).step(other.scan(0), extra=told[1][0])
     assert belief.argmax() == other.labels[0]
-    with pytest.raises(InputError, match="saw_"):
-        tool.label(other)
+    refused(InputError, "saw_", tool.label, other)
     with pytest.raises(InputError, match="laser only"):
         labeler().label(other, extra=told[1])
 
@@ -153,26 +153,21 @@ def test_a_damaged_model_is_refused(tmp_path: Path) -> None:
     save(labeler(), tmp_path / "model")
     manifest = tmp_path / "model" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"local-map"', '"elsewhere"'))
-    with pytest.raises(ModelFileError, match=r"missing must be .*, got 'elsewhere'"):
-        load(tmp_path / "model")
+    refused(ModelFileError, r"missing must be .*, got 'elsewhere'", load, tmp_path / "model")
 
 
 def test_bad_input_is_refused_with_a_reason() -> None:
     known, names = building()
     path = drive(0)
     tool, cups = TrajectoryLabeler(names), TrajectoryLabeler(names, extra_names=["cups"])
-    with pytest.raises(NotFittedError, match="this TrajectoryLabeler is not fitted yet"):
-        tool.label(path)
+    refused(NotFittedError, "this TrajectoryLabeler is not fitted yet", tool.label, path)
     with pytest.raises(NotFittedError, match="this PlaceLabeler is not fitted yet"):
         TrajectoryLabeler.from_places(PlaceLabeler(names))
-    with pytest.raises(NotFittedError, match="this TrajectoryLabeler is not fitted yet"):
-        save(tool, "unused")
-    with pytest.raises(InputError, match="nothing to train"):
-        tool.fit()
+    refused(NotFittedError, "this TrajectoryLabeler is not fitted yet", save, tool, "unused")
+    refused(InputError, "nothing to train", tool.fit)
     with pytest.raises(InputError, match="no extra columns"):
         cups.fit([known], [path], extra=[np.zeros((len(path), 1))])
-    with pytest.raises(InputError, match="must be given together"):
-        cups.fit([], [path])
+    refused(InputError, "must be given together", cups.fit, [], [path])
     with pytest.raises(InputError, match="1 trajectories but 2"):
         cups.fit([], [path], extra=[np.zeros((len(path), 1))] * 2)
     with pytest.raises(InputError, match="must have the labels"):

@@ -14,6 +14,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.studio.session import MapSession
 from pgm_places.studio.session_pool import MOST_OPEN, MapEntry, SessionPool
+from tests.refusals import refused
 from tests.studio.conftest import HOST, Client, rectangle, two_rooms
 
 
@@ -42,8 +43,7 @@ def test_maps_open_when_they_are_looked_at_and_few_stay_open(pool: SessionPool) 
     assert record["painted_m2"] == pytest.approx(18 * 18 * 0.04) and record["painted_before"]
     again = pool.session(0)
     assert again is not first and again.painting.n_painted == 18 * 18
-    with pytest.raises(InputError, match="there is no map 6; there are 6"):
-        pool.session(6)
+    refused(InputError, "there is no map 6; there are 6", pool.session, 6)
 
 
 def test_maps_with_a_live_tab_stay_open(pool: SessionPool) -> None:
@@ -82,14 +82,12 @@ def test_a_map_that_cannot_be_read_says_so_in_the_list(tmp_path: Path) -> None:
         "gone", tmp_path / "gone", lambda: MapSession(load_map(tmp_path / "x.yaml"), tmp_path, None)
     )
     pool = SessionPool([broken, book(tmp_path, "here")], tmp_path)
-    with pytest.raises(InputError, match=r"x\.yaml"):
-        pool.session(0)
+    refused(InputError, r"x\.yaml", pool.session, 0)
     assert "x.yaml" in pool.records()[0]["problem"]
 
 
 def test_one_configuration_teaches_the_paint_of_all_maps(pool: SessionPool, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nothing is painted on any of the maps yet"):
-        pool.write_training()
+    refused(InputError, "nothing is painted on any of the maps yet", pool.write_training)
     pool.session(0).edit(rectangle(0, [6, 6], [24, 24]))
     pool.session(3).edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
     pool.session(3).edit(rectangle(3, [6, 6], [24, 24]))

@@ -9,6 +9,7 @@ import pytest
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError
 from pgm_places.teaching.paint import Paint
+from tests.refusals import refused
 
 CLASSES = ("corridor", "room", "doorway")
 GRID = OccupancyGrid(np.zeros((12, 16), np.int8), 0.5, (-3.0, 2.0), 0.3)
@@ -38,8 +39,7 @@ def test_an_image_names_its_classes_and_may_hold_a_part_of_those_wanted(tmp_path
         Paint.read(path, GRID, more).labels[painted().painted],
         painted().labels[painted().painted] + 1,
     )
-    with pytest.raises(LabelError, match="'doorway', not a configured label"):
-        Paint.read(path, GRID, CLASSES[:2])
+    refused(LabelError, "'doorway', not a configured label", Paint.read, path, GRID, CLASSES[:2])
 
 
 def line(points: list[list[float]], **properties: object) -> dict[str, object]:
@@ -85,8 +85,7 @@ def test_lines_that_are_none_are_refused(
 ) -> None:
     path = tmp_path / "lines.geojson"
     path.write_text(json.dumps(feature))
-    with pytest.raises(LabelError, match=says):
-        Paint.read(path, GRID, CLASSES)
+    refused(LabelError, says, Paint.read, path, GRID, CLASSES)
 
 
 def test_classes_are_added_and_only_unpainted_ones_are_dropped() -> None:
@@ -100,8 +99,7 @@ def test_wiping_and_masks() -> None:
     paint = painted().with_cells(np.argwhere(np.ones(GRID.shape, bool)), None)
     assert not paint.painted.any()
     assert paint.with_cells([[0, 0]], "room").with_cells([[0, 0]], None).counts["room"] == 0
-    with pytest.raises(LabelError, match="'attic' is not among the classes"):
-        paint.with_cells([[0, 0]], "attic")
+    refused(LabelError, "'attic' is not among the classes", paint.with_cells, [[0, 0]], "attic")
 
 
 def test_the_classes_of_geojson_are_those_that_it_uses(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.topology.from_labels import topological_map
+from tests.refusals import refused
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, gates_of
 
 
@@ -72,12 +73,9 @@ def test_unknown_places_and_missing_ways() -> None:
     labels = floor_labels()
     labels[4, 3:6] = -1  # the first doorway is walled up
     found = topological_map(floor_grid(labels), labels, NAMES)
-    with pytest.raises(InputError, match="no path leads from 'room 1' to 'room 2'"):
-        found.path("room 1", "room 2")
-    with pytest.raises(InputError, match=r"there is no place 'rom 1'\. Did you mean 'room 1'"):
-        found.place("rom 1")
-    with pytest.raises(InputError, match="there is no place 99"):
-        found.place(99)
+    refused(InputError, "no path leads from 'room 1' to 'room 2'", found.path, "room 1", "room 2")
+    refused(InputError, r"there is no place 'rom 1'\. Did you mean 'room 1'", found.place, "rom 1")
+    refused(InputError, "there is no place 99", found.place, 99)
 
 
 def test_known_places_are_listed_in_the_order_of_their_numbers() -> None:

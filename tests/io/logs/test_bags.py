@@ -18,6 +18,7 @@ from pgm_places.io.logs.log_files import LogLines
 from tests.io.logs.bag_files import BagFile
 from tests.io.logs.log_files import drive
 from tests.real_data import real_data_folder
+from tests.refusals import refused
 
 pytest.importorskip("rosbags", reason="the extra 'bags' is not installed")
 
@@ -59,8 +60,7 @@ def test_a_bag_is_replaced_and_another_folder_is_not(tmp_path: Path) -> None:
     assert len(read_bag(tmp_path / "drive").trajectory) == 2
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter").write_text("dear")
-    with pytest.raises(PgmPlacesError, match="holds other files"):
-        write_bag(tmp_path / "mine", path)
+    refused(PgmPlacesError, "holds other files", write_bag, tmp_path / "mine", path)
 
 
 def test_what_a_bag_cannot_hold_is_refused(tmp_path: Path) -> None:
@@ -94,8 +94,7 @@ def test_poses_are_interpolated_or_the_nearest(tmp_path: Path) -> None:
     assert poses == "1 of 4 scans have no pose from /odom within 1 s and are dropped"
     nearest = read_bag(path, lookup="nearest", max_gap_s=0.5).trajectory
     assert set(nearest.poses[:, 0].tolist()) <= {0.0, 2.0, 4.0, 6.0}
-    with pytest.raises(LogError, match=r"4 of 4 scans have no pose from /odom within 0.5 s"):
-        read_bag(path)
+    refused(LogError, r"4 of 4 scans have no pose from /odom within 0.5 s", read_bag, path)
 
 
 def test_the_mount_of_the_laser_moves_the_poses_and_may_turn_its_beams(tmp_path: Path) -> None:
@@ -134,8 +133,7 @@ def test_a_pose_topic_is_taken_where_it_is_named(tmp_path: Path) -> None:
         read_bag(bag.write(tmp_path / "empty"))
     bag.scan(1.0, [float("inf"), 0.05, float("nan")], frame="/laser", stamp=0.0)
     path = bag.write(tmp_path / "bare")
-    with pytest.raises(LogError, match=r"has no odometry, .*; /pose can be chosen as pose_topic"):
-        read_bag(path)
+    refused(LogError, r"has no odometry, .*; /pose can be chosen as pose_topic", read_bag, path)
     found = read_bag(path, pose_topic="/pose").trajectory
     assert found.poses.tolist() == [[8.0, 9.0, 0.0]]
     assert found.ranges_m is not None
@@ -174,8 +172,7 @@ def test_limits_that_make_no_sense_can_be_said_better(tmp_path: Path) -> None:
     bag.odometry(1.0, 0.0)
     bag.scan(1.0, [1.0, 2.0, 3.0], range_max=float("inf"))
     path = bag.write(tmp_path)
-    with pytest.raises(LogError, match=r"has range_min 0.1 and range_max inf"):
-        read_bag(path)
+    refused(LogError, r"has range_min 0.1 and range_max inf", read_bag, path)
     assert len(read_bag(path, range_max_m=5.0).trajectory) == 1
 
 
@@ -185,16 +182,14 @@ def test_a_damaged_bag_is_one_message(tmp_path: Path, name: str) -> None:
     file = whole / "drive.db3" if whole.is_dir() else whole
     data = file.read_bytes()
     file.write_bytes(data[: len(data) // 3])
-    with pytest.raises(LogError, match="is it complete"):
-        read_bag(whole)
+    refused(LogError, "is it complete", read_bag, whole)
 
 
 def test_without_rosbags_the_message_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(InputError, match=r'install it with: pip install .*\[bags\]"'):
-        read_bag(tmp_path / "a.bag")
+    refused(InputError, r'install it with: pip install .*\[bags\]"', read_bag, tmp_path / "a.bag")
 
 
 @pytest.mark.real_data

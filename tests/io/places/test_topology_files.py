@@ -12,6 +12,7 @@ from pgm_places.io.maps.regions import load_regions, read_regions
 from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_ids import PlaceIds
+from tests.refusals import refused
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, gated_floor_map
 
 FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
@@ -119,8 +120,7 @@ def test_damage_is_said(changes: dict[str, object], words: str, tmp_path: Path) 
         where = gate if key in gate else record["regions"][0] if key in places else record
         where[key] = value
     path.write_text(json.dumps(record))
-    with pytest.raises(InputError, match=words):
-        load_topology(tmp_path)
+    refused(InputError, words, load_topology, tmp_path)
 
 
 def test_missing_and_foreign_files(tmp_path: Path) -> None:
@@ -128,12 +128,10 @@ def test_missing_and_foreign_files(tmp_path: Path) -> None:
         load_topology(tmp_path)
     save_topology(tmp_path, floor_map())
     (tmp_path / "places.json").write_text("{")
-    with pytest.raises(InputError, match="not a JSON file"):
-        load_topology(tmp_path)
+    refused(InputError, "not a JSON file", load_topology, tmp_path)
     save_topology(tmp_path, floor_map())
     (tmp_path / "regions.png").write_bytes(b"hello")
-    with pytest.raises(InputError, match=r"regions\.png"):
-        load_topology(tmp_path)
+    refused(InputError, r"regions\.png", load_topology, tmp_path)
 
 
 def test_own_names(tmp_path: Path) -> None:
@@ -141,8 +139,7 @@ def test_own_names(tmp_path: Path) -> None:
     (tmp_path / "place_names.yaml").write_text("3: kitchen\n12: 'lab: east'\n")
     assert read_own_names(tmp_path) == {3: "kitchen", 12: "lab: east"}
     (tmp_path / "place_names.yaml").write_text("kitchen: 3\n")
-    with pytest.raises(LabelError, match="an id must be a whole number from 1 to 65535"):
-        read_own_names(tmp_path)
+    refused(LabelError, "an id must be a whole number from 1 to 65535", read_own_names, tmp_path)
 
 
 def test_too_many_ids_are_refused(tmp_path: Path) -> None:
@@ -151,5 +148,4 @@ def test_too_many_ids_are_refused(tmp_path: Path) -> None:
     known = PlaceIds()
     known.next_id = 65530
     many = topological_map(grid, labels, NAMES, known=known)
-    with pytest.raises(OutputError, match="ids have been assigned"):
-        save_topology(tmp_path, many)
+    refused(OutputError, "ids have been assigned", save_topology, tmp_path, many)
