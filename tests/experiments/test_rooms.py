@@ -13,6 +13,7 @@ from experiments.rooms.results import PEERS, RoomResult, room_tables
 from experiments.rooms.scores import score_doors, score_rooms
 from pgm_places.errors import MapError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
+from tests.refusals import refused
 
 
 def two_rooms() -> np.ndarray:
@@ -48,14 +49,11 @@ def test_maps_are_read_with_their_rooms(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_maps_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match=r"no map with its rooms: wanted NAME.png"):
-        list(read_room_maps(tmp_path))
-    with pytest.raises(MapError, match="is no folder"):
-        list(read_room_maps(tmp_path / "nowhere"))
+    refused(MapError, r"no map with its rooms: wanted NAME.png", list, read_room_maps(tmp_path))
+    refused(MapError, "is no folder", list, read_room_maps(tmp_path / "nowhere"))
     Image.fromarray(two_rooms()).save(tmp_path / "a.png")
     Image.fromarray(two_rooms()[1:]).save(tmp_path / "a_gt_segmentation.png")
-    with pytest.raises(MapError, match=r"190 x 99 pixels, but a\.png 190 x 100"):
-        list(read_room_maps(tmp_path))
+    refused(MapError, r"190 x 99 pixels, but a\.png 190 x 100", list, read_room_maps(tmp_path))
 
 
 def test_recall_and_precision_are_means_of_single_rooms() -> None:

@@ -23,6 +23,7 @@ from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
 from tests.labelers.test_contract import NAMES, QUICK, SENSOR, known, walk
+from tests.refusals import refused
 
 
 def unfitted(method: str = "potts", link_weight: object = "fitted") -> JointLabeler:
@@ -147,17 +148,14 @@ def test_saved_and_loaded_it_labels_the_same(tmp_path: Path) -> None:
     assert isinstance(again, JointLabeler)
     before, after = (item.label(known(2).grid, walk(2)).whole.labels for item in (labeler, again))
     np.testing.assert_array_equal(before, after)
-    with pytest.raises(NotFittedError, match=r"call fit\(drives\) first"):
-        clone(again).label(known(2).grid)
+    refused(NotFittedError, r"call fit\(drives\) first", clone(again).label, known(2).grid)
 
 
 def test_what_cannot_be_labelled_together_is_refused_in_a_line() -> None:
     with pytest.raises(ConfigError, match="labels only chains"):
         unfitted("hmm").fit([MappedDrive(known(0), walk(0))])
-    with pytest.raises(InputError, match="needs at least one labelled drive"):
-        unfitted().fit([], [known(0)])
-    with pytest.raises(InputError, match="give a map, a drive, or both; got neither"):
-        fitted().label()
+    refused(InputError, "needs at least one labelled drive", unfitted().fit, [], [known(0)])
+    refused(InputError, "give a map, a drive, or both; got neither", fitted().label)
     far = replace(walk(0), poses=walk(0).poses + np.array([500.0, 0.0, 0.0]))
     with pytest.raises(InputError, match="none of its positions is on a labelled cell of the map"):
         fitted().label(known(0).grid, far)

@@ -16,6 +16,7 @@ from pgm_places.models.mrf import PottsField
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, read, save
 from pgm_places.simulation import generate_building
+from tests.refusals import refused
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -169,19 +170,16 @@ def test_a_spoiled_model_is_refused(
     for key in ("arrays", "schema", "sha256", "version"):
         manifest.pop(key, None)
     save_folder(tmp_path / "spoiled", manifest, arrays)
-    with pytest.raises(ModelFileError, match=message):
-        load(tmp_path / "spoiled")
+    refused(ModelFileError, message, load, tmp_path / "spoiled")
 
 
 def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler) -> None:
-    with pytest.raises(NotFittedError, match="call fit"):
-        PlaceLabeler(NAMES).label(known.grid)
+    refused(NotFittedError, "call fit", PlaceLabeler(NAMES).label, known.grid)
     with pytest.raises(LabelError, match="no training cell is labelled 'kitchen' in small"):
         PlaceLabeler((*NAMES, "kitchen")).fit([known])
     with pytest.raises(LabelError, match="label index 2 but there are only 2 labels"):
         PlaceLabeler(NAMES[:2]).fit([known])
-    with pytest.raises(ConfigError, match="Did you mean 'adaboost'"):
-        labeler.label(known.grid, method="adabost")
+    refused(ConfigError, "Did you mean 'adaboost'", labeler.label, known.grid, method="adabost")
     with pytest.raises(ConfigError, match="'space' or 'floor', got 'lidar'"):
         PlaceMethod("independent", "lidar")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="context_m is empty"):

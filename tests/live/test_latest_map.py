@@ -10,6 +10,7 @@ from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.live.robot import raw_map
+from tests.refusals import refused
 
 CODEC = RosCodec()
 CELLS = np.array([-1, 0, 100])[np.arange(20).reshape(4, 5) % 3]
@@ -64,14 +65,12 @@ def test_an_update_replaces_its_rectangle() -> None:
 def test_what_does_not_fit_is_said_and_changes_nothing(raw: bytes, words: str) -> None:
     found, came = LatestMap(CODEC, "/map"), raw_map(GRID)
     found.take(came)
-    with pytest.raises(InputError, match=words):
-        found.update(raw)
+    refused(InputError, words, found.update, raw)
     np.testing.assert_array_equal(cells_of(found.raw()), cells_of(came))
 
 
 def test_updates_before_the_map_are_dropped() -> None:
-    with pytest.raises(InputError, match="came before the map"):
-        LatestMap(CODEC, "map").update(update(0, 0, [[1]]))
+    refused(InputError, "came before the map", LatestMap(CODEC, "map").update, update(0, 0, [[1]]))
 
 
 def test_a_map_without_a_frame_is_taken_and_one_of_another_frame_is_not() -> None:
@@ -83,8 +82,7 @@ def test_a_map_without_a_frame_is_taken_and_one_of_another_frame_is_not() -> Non
         found.take(raw)
         assert found.raw() is raw
     message.header.frame_id = "odom"
-    with pytest.raises(InputError, match="the map is in the frame 'odom'"):
-        found.take(CODEC.write(message, "map"))
+    refused(InputError, "the map is in the frame 'odom'", found.take, CODEC.write(message, "map"))
     assert found.raw() is raw
     found.update(update(0, 0, [[5]], frame=""))
     assert cells_of(found.raw())[0, 0] == 5

@@ -32,6 +32,7 @@ from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import KINDS, read
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder
+from tests.refusals import refused
 
 STORED = Path(__file__).parents[1] / "data" / "stored"
 
@@ -153,8 +154,7 @@ def test_what_is_no_model_is_not_saved(tmp_path: Path) -> None:
         save(grid(), tmp_path / "model")  # type: ignore[arg-type]
     with pytest.raises(NotFittedError, match=r"this PlaceLabeler .* call fit\(maps\) first"):
         save(PlaceLabeler(["a", "b"]), tmp_path / "model")
-    with pytest.raises(NotFittedError, match="call fit"):
-        save(StructuredLabeler("potts"), tmp_path / "model")
+    refused(NotFittedError, "call fit", save, StructuredLabeler("potts"), tmp_path / "model")
     with pytest.raises(InputError, match="a labeler stores its own label names"):
         save(load(STORED / "place_labeler"), tmp_path / "model", label_names=["a"])
     assert not (tmp_path / "model").exists()
@@ -290,15 +290,13 @@ def test_corrections_that_an_earlier_version_left_off_are_ignored(tmp_path: Path
 @pytest.mark.parametrize("value", [1e308, -1, 0, None, "0.05", True, [0.05]])
 def test_cells_of_a_model_are_metres(value: object, tmp_path: Path) -> None:
     folder = spoiled(tmp_path, model_folder("generated"), ("resolution_m",), value)
-    with pytest.raises(ModelFileError, match="resolution_m must be"):
-        load(folder)
+    refused(ModelFileError, "resolution_m must be", load, folder)
 
 
 def test_a_manifest_of_any_depth_is_one_message(tmp_path: Path) -> None:
     folder = spoiled(tmp_path, model_folder("generated"), ("record",), {})
     (folder / "manifest.json").write_text('{"a":' * 100_000)
-    with pytest.raises(ModelFileError, match="nested too deep"):
-        load(folder)
+    refused(ModelFileError, "nested too deep", load, folder)
 
 
 def test_what_a_model_quotes_is_shortened(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
 from pgm_places.unary import cell_scorers
 from pgm_places.unary.training_cells import training_features
+from tests.refusals import refused
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -96,11 +97,9 @@ def test_the_rules_of_places_are_those_that_were_given() -> None:
 def test_learning_from_nothing_but_paint() -> None:
     truth, grid = building().labels, building().grid
     pupil = InteractiveLabeler(grid, classes=NAMES)
-    with pytest.raises(LabelError, match="at least two classes; painted so far: none"):
-        pupil.label(pupil.blank())
+    refused(LabelError, "at least two classes; painted so far: none", pupil.label, pupil.blank())
     one = pupil.blank().with_cells(np.argwhere(grid.free & (truth == 1))[:50], NAMES[1])
-    with pytest.raises(LabelError, match=f"at least two classes; painted so far: {NAMES[1]}"):
-        pupil.label(one)
+    refused(LabelError, f"at least two classes; painted so far: {NAMES[1]}", pupil.label, one)
     few = np.random.default_rng(0).random(grid.shape) < 0.02
     paint = pupil.blank()
     for label, name in enumerate(NAMES):
@@ -244,8 +243,7 @@ def test_a_new_class_is_learned_beside_those_that_are_known(halls: str, tmp_path
     paint = pupil.blank()
     for room in rooms[::2]:
         paint = paint.with_cells(first.topology.cells(room.id), "office")
-    with pytest.raises(LabelError, match="'office' is painted, but is no label of the labeler"):
-        pupil.label(paint)
+    refused(LabelError, "'office' is painted, but is no label of the labeler", pupil.label, paint)
     found = pupil.teach(paint)
     office = found.label_names.index("office")
     assert {*found.label_names} == {*classes}
@@ -297,6 +295,5 @@ def test_progress_that_raises_ends_a_call_and_the_next_one_is_as_ever() -> None:
             with super().stage(name) as stage:
                 yield stage
 
-    with pytest.raises(Newer, match=r"^$"):
-        teacher().label(relabelled(0.05), progress=Stops())
+    refused(Newer, r"^$", teacher().label, relabelled(0.05), progress=Stops())
     np.testing.assert_array_equal(teacher().label(teacher().blank()).labels, plain().labels)
