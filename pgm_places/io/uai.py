@@ -29,14 +29,8 @@ Task = Literal["MAP", "MAR", "PR"]
 class UaiResult:
     """The content of a result file; None for results that it does not contain.
 
-    Parameters
-    ----------
-    labels : (N,) int or None
-        The label of each node, from MAP (or MPE).
-    beliefs : tuple of N arrays or None
-        The probability of each label, from MAR.
-    log_partition : float or None
-        The natural logarithm of the partition function, from PR; files use base 10.
+    The label (N,) of each node from MAP or MPE, the probability of each label from MAR, and the
+    natural logarithm of the partition function from PR, for which files use base 10.
     """
 
     labels: NDArray[np.int64] | None = None
@@ -45,13 +39,7 @@ class UaiResult:
 
 
 def read_uai(path: Path | str) -> FactorGraph:
-    """The factors of a Markov or Bayesian network, as log-potentials; 0 becomes -inf.
-
-    Raises
-    ------
-    InputError
-        The file is missing or damaged; the message says where.
-    """
+    """The factors of a Markov or Bayesian network, as log-potentials; 0 becomes -inf."""
     words = _Words(Path(path), _NETWORK)
     kind = words.text("MARKOV or BAYES").upper()
     if kind not in ("MARKOV", "BAYES"):
@@ -89,8 +77,6 @@ def write_uai(path: Path | str, graph: FactorGraph) -> Path:
     ------
     InputError
         A log-potential whose exponential is beyond float64: UAI files hold no logarithms.
-    OutputError
-        The file cannot be written.
     """
     lines = ["MARKOV", str(graph.n_nodes), _joined(graph.n_labels), str(len(graph.scopes))]
     lines += [_joined([len(scope), *scope]) for scope in graph.scopes]
@@ -110,11 +96,6 @@ def read_evidence(path: Path | str, n_nodes: int) -> NDArray[np.int64]:
     """(N,) the label of each node in an evidence file, -1 elsewhere.
 
     A leading count of evidence sets is optional and must be 1.
-
-    Raises
-    ------
-    InputError
-        The file is missing or damaged, or names a node outside the network.
     """
     words = _Words(Path(path), "evidence (UAI)")
     numbers = words.rest_whole()
@@ -155,14 +136,11 @@ def write_uai_result(
     task : {"MAP", "MAR", "PR"}
         The best labelling, the probability of each label, or the partition function.
     graph : FactorGraph
-        The network, for the number of labels of each node.
 
     Raises
     ------
     InputError
         The labelling has no beliefs or no partition function; ``exact`` computes both.
-    OutputError
-        The file cannot be written.
     """
     if task == "MAP":
         body = _joined([len(labeling.labels), *labeling.labels])
@@ -180,13 +158,7 @@ def write_uai_result(
 
 
 def read_uai_result(path: Path | str) -> UaiResult:
-    """The content of a result file of MAP, MPE, MAR or PR; a leading count of 1 is optional.
-
-    Raises
-    ------
-    InputError
-        The file is missing or damaged.
-    """
+    """The content of a result file of MAP, MPE, MAR or PR; a leading count of 1 is optional."""
     words = _Words(Path(path), "a result (UAI)")
     task = words.text("MAP, MPE, MAR or PR").upper()
     if task == "PR":

@@ -38,13 +38,6 @@ def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
     Walls and doorways get no sharper. Origin and yaw stay; the new map ends at the last centre
     inside the old one.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        The coarse map.
-    resolution_m : float
-        Side of the new cells, at most the map's own.
-
     Raises
     ------
     MapError
@@ -178,21 +171,8 @@ def coarsen_labels(
     label, and loses ties. Other ties go to the label of more of the fine cells at the block's
     centre (the cell that holds it, or the two or four that meet there); then to the label with
     fewer cells on the fine map; then to the label whose first cell is earlier, row by row. The
-    result does not depend on the numbers of labels.
-
-    Parameters
-    ----------
-    labels : (H, W) int
-        Label of each cell of ``grid``, -1 for none.
-    grid : OccupancyGrid
-        The fine map.
-    coarse : OccupancyGrid
-        The result of ``coarsen``.
-
-    Raises
-    ------
-    LabelError
-        The shapes do not fit.
+    result does not depend on the numbers of labels. ``labels`` (H, W) are those of ``grid``, -1 for
+    none; other shapes are a LabelError.
 
     Examples
     --------

@@ -29,10 +29,8 @@ class Components:
     Parameters
     ----------
     piece : (H, W) int32
-        Number of each cell's piece, -1 for cells without a label. Pieces are numbered in the order
-        of their first cells, row by row from the bottom.
+        Number of each cell's piece, by first cells row by row from the bottom; -1 without a label.
     label : (R,) int32
-        Label of each piece.
     size : (R,) int64
         Cells of each piece.
     """

@@ -82,23 +82,9 @@ class LabelledMap(Plotted):
         return self.cells & (self.labels >= 0)
 
     def plot(self, ax: "Axes | None" = None, *, label_names: Sequence[str] = ()) -> "Axes":
-        """Draw the map with its ground truth.
+        """Draw the map with its ground truth on ``ax``, or on new axes; returns the axes.
 
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New axes if not given.
-        label_names : sequence of str
-            Names of the labels, which determine their colours; by default their numbers.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        LabelError
-            A label has no name.
+        ``label_names`` determine the colours; by default the labels' numbers.
         """
         numbers = range(int(self.labels.max(initial=-1)) + 1)
         names = tuple(label_names) or tuple(f"label {number}" for number in numbers)

@@ -151,17 +151,7 @@ class OccupancyGrid(Plotted):
         return plotting.Frame(self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw walls, unknown and free cells, in metres of the map frame.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New axes if not given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-        """
+        """Draw walls, unknown and free cells, in metres of the map frame, on ``ax`` or new axes."""
         ax = axes_or_new(ax)
         plotting.draw_ground(ax, self.cells, self.frame)
         return ax

@@ -42,16 +42,11 @@ class KnownWindow:
         >>> KnownWindow.of(OccupancyGrid(cells, resolution_m=0.1))
         KnownWindow(rows=slice(30, 52, None), columns=slice(90, 140, None), shape=(90, 200))
         """
-        known = grid.cells != UNKNOWN
         margin = ceil(MARGIN_M / grid.resolution_m)
-        spans = []
-        for axis, length in ((1, grid.shape[0]), (0, grid.shape[1])):
-            taken = np.flatnonzero(known.any(axis=axis))
-            if not len(taken):
-                return None
-            first = max(int(taken[0]) - margin, 0) // multiple * multiple
-            spans.append(slice(first, min(int(taken[-1]) + 1 + margin, length)))
-        rows, columns = spans
+        window = window_around(grid.cells != UNKNOWN, margin, multiple=multiple)
+        if window is None:
+            return None
+        rows, columns = window
         size = (rows.stop - rows.start) * (columns.stop - columns.start)
         return cls(rows, columns, grid.shape) if size <= WORTH * grid.cells.size else None
 
@@ -84,6 +79,23 @@ class KnownWindow:
         full = np.full((*self.shape, *part.shape[2:]), fill, part.dtype)
         full[self.rows, self.columns] = part
         return full
+
+
+def window_around(
+    mask: NDArray[np.bool_], margin: int, *, multiple: int = 1
+) -> tuple[slice, slice] | None:
+    """Rows and columns of the true cells and a margin in cells; None without a true cell.
+
+    The first row and column are multiples of ``multiple``.
+    """
+    spans = []
+    for axis in (0, 1):
+        taken = np.flatnonzero(mask.any(axis=1 - axis))
+        if not len(taken):
+            return None
+        first = max(int(taken[0]) - margin, 0) // multiple * multiple
+        spans.append(slice(first, min(int(taken[-1]) + 1 + margin, mask.shape[axis])))
+    return spans[0], spans[1]
 
 
 def window_mask(

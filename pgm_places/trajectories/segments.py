@@ -23,19 +23,8 @@ def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:
     """(L, 2) pairs of steps at one spot on different passes, the earlier step first.
 
     Each step is linked to the nearest step of every earlier pass within reach: an earlier pass
-    counts once, however many of its steps lie there.
-
-    Parameters
-    ----------
-    positions_m : (T, 2) float
-        Where the robot was at each step, in metres.
-    within_m : float
-        Longest distance between two linked steps in metres; 0 links none.
-
-    Raises
-    ------
-    InputError
-        Positions are not finite, or the distance is negative.
+    counts once, however many of its steps lie there. Positions (T, 2) and ``within_m`` are in
+    metres; 0 links none.
 
     Examples
     --------

@@ -140,9 +140,7 @@ class Trajectory(Plotted):
 
     @classmethod
     def from_scans(cls, scans: Iterable[Scan], *, name: str = "trajectory") -> Self:
-        """The trajectory of scans with a common geometry.
-
-        It has odometry if every scan has.
+        """The trajectory of scans with a common geometry; with odometry if every scan has it.
 
         Raises
         ------
@@ -183,17 +181,9 @@ class Trajectory(Plotted):
     def relabelled(self, new_names: Mapping[str, str], label_names: Sequence[str]) -> Self:
         """The same steps with renamed labels; several labels may get one name.
 
-        Parameters
-        ----------
-        new_names : mapping of str to str
-            From present to new names; labels that are left out become -1.
-        label_names : sequence of str
-            The new labels in the order of their numbers.
-
-        Raises
-        ------
-        LabelError
-            There are no labels, or a new name is not among ``label_names``.
+        ``new_names`` maps present to new names; labels that are left out become -1. ``label_names``
+        are the new labels in the order of their numbers; a new name that is not among them is a
+        LabelError.
 
         Examples
         --------
@@ -213,12 +203,9 @@ class Trajectory(Plotted):
         return self.with_labels(np.array([*numbers, -1])[self.labels], names)
 
     def labelled_by(self, labelled_map: LabelledMap, label_names: Sequence[str]) -> Self:
-        """The same steps with the labels of a map at their positions, -1 outside it or its window.
+        """The same steps with the labels of a map at their positions, -1 outside its window.
 
-        Raises
-        ------
-        LabelError
-            The map holds a label index that has no name.
+        A label of the map without a name is a LabelError.
         """
         names = tuple(label_names)
         cells = labelled_map.grid.cells_at_m(self.poses[:, :2])
@@ -231,13 +218,7 @@ class Trajectory(Plotted):
     # ------------------------------------------------------------------ parts
 
     def subset(self, steps: ArrayLike | slice) -> Self:
-        """The selected steps: a slice, a boolean mask (T,), or step numbers in any order.
-
-        Raises
-        ------
-        InputError
-            A mask has another length, or a number is no step.
-        """
+        """The selected steps: a slice, a boolean mask (T,), or step numbers in any order."""
         if isinstance(steps, slice):
             index = np.arange(len(self))[steps]
         else:
@@ -259,12 +240,8 @@ class Trajectory(Plotted):
     def resampled(self, every_m: float) -> Self:
         """The path with positions at this distance, on straight lines between the recorded ones.
 
-        The recorded positions remain, with their labels; positions between them have no label.
-
-        Raises
-        ------
-        InputError
-            There are scans, which cannot be resampled, or the distance is not positive.
+        The recorded positions remain, with their labels; positions between them have no label. A
+        trajectory with scans cannot be resampled (InputError).
         """
         if self.ranges_m is not None:
             raise InputError(f"{self.name} has scans, which cannot be resampled")
@@ -290,13 +267,7 @@ class Trajectory(Plotted):
         return replace(self, times_s=times, poses=poses, labels=labels, odometry=None)
 
     def scan(self, step: int) -> Scan:
-        """The scan of a step, with its pose and time.
-
-        Raises
-        ------
-        InputError
-            The trajectory has no scans.
-        """
+        """The scan of a step, with its pose and time; an InputError without scans."""
         if self.ranges_m is None or self.geometry is None:
             raise InputError(f"{self.name} has no scans; cast them in a map, or read another file")
         if not -len(self) <= step < len(self):
@@ -330,10 +301,7 @@ class Trajectory(Plotted):
     def within(self, range_max_m: float) -> Self:
         """The same scans of a sensor with less range: longer ranges become ``range_max_m``.
 
-        Raises
-        ------
-        InputError
-            There are no scans, or their maximum range is smaller.
+        An InputError without scans, or if their maximum range is smaller.
         """
         if self.ranges_m is None or self.geometry is None:
             raise InputError(f"{self.name} has no scans to shorten")
@@ -348,33 +316,17 @@ class Trajectory(Plotted):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the path in metres of its frame, its steps in the colours of their labels.
 
-        Over a map, ``trajectory.plot(grid.plot())``.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New axes if not given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
+        Over a map, ``trajectory.plot(grid.plot())``; new axes by default. Returns the axes.
         """
         ax = axes_or_new(ax)
         plotting.draw_path(ax, self.poses[:, :2], self.labels, self.label_names or ())
         return ax
 
     def to_dataframe(self) -> Any:
-        """The steps as a table of pandas: time, pose, and label where there are labels.
+        """The steps as a pandas.DataFrame with the index ``step``.
 
-        Returns
-        -------
-        pandas.DataFrame
-            Index ``step``; columns ``time_s``, ``x_m``, ``y_m``, ``heading_rad``, ``label``.
-
-        Raises
-        ------
-        InputError
-            pandas is not installed.
+        Columns ``time_s``, ``x_m``, ``y_m``, ``heading_rad`` and, if known, ``label``. An
+        InputError if pandas is not installed.
         """
         x, y, heading = self.poses.T
         columns = {"step": np.arange(len(self)), "time_s": self.times_s}
@@ -428,15 +380,7 @@ def headings_along(positions_m: ArrayLike) -> NDArray[np.float64]:
 @public
 @dataclass(frozen=True, eq=False)
 class MappedDrive:
-    """A drive and the labelled map that it goes through.
-
-    Parameters
-    ----------
-    map : LabelledMap
-        Its cells lie in the frame of the drive's poses.
-    drive : Trajectory
-        With the true place of each step, -1 where unknown, or without labels.
-    """
+    """A drive and the labelled map that it goes through, in the frame of the drive's poses."""
 
     map: LabelledMap
     drive: Trajectory

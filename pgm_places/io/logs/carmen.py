@@ -261,15 +261,11 @@ def iter_carmen_scans(
 ) -> Iterator[Scan]:
     """The scans among the lines of a log, one by one as the lines come.
 
-    Parameters
-    ----------
-    lines : iterable of bytes
-        A file opened in binary mode, :class:`~pgm_places.io.logs.log_files.LogLines`, or the lines
-        of a growing file (:func:`~pgm_places.io.logs.log_files.follow_lines`).
-    reader : CarmenReader, optional
-        The choice of laser and limit; it also counts the lines that are not scans.
-
-    Scans may differ in their number of beams: each carries its own geometry.
+    The lines are those of a file opened in binary mode, of
+    :class:`~pgm_places.io.logs.log_files.LogLines`, or of a growing file
+    (:func:`~pgm_places.io.logs.log_files.follow_lines`). The reader chooses laser and limit, and
+    counts the lines that are not scans. Scans may differ in their number of beams: each carries its
+    geometry.
     """
     reader = reader or CarmenReader()
     for line in lines:

@@ -149,14 +149,12 @@ _CODE_READINGS = 20
 
 @dataclass(frozen=True)
 class LoadedLog:
-    """A trajectory, with warnings and counts of its file.
+    """A trajectory, with warnings about its file and counts of its messages.
 
     Parameters
     ----------
     trajectory : Trajectory
-        The trajectory of the file.
     path : Path
-        The file.
     warnings : tuple of str
         One sentence each about dropped or suspicious data.
     counts : mapping of str to int

@@ -184,7 +184,9 @@ def save_labels(
     for rows in bands_of_rows((labels.shape[0], labels.shape[1])):
         stored[rows] = table[labels[rows]]
     names_path = target.with_suffix(".yaml")
-    listed = "".join(f"  {_quoted(name)}: {value}\n" for name, value in values.items())
+    # A JSON string is a YAML string.
+    quoted = {json.dumps(name, ensure_ascii=False): value for name, value in values.items()}
+    listed = "".join(f"  {name}: {value}\n" for name, value in quoted.items())
     text = f"ignore: 0\nvalues:\n{listed}"
     refuse_another_kind(names_path, text.encode())  # before the image is written
     write_bytes(target, _indexed_png(stored, values))
@@ -275,7 +277,3 @@ def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
     picture = Image.frombuffer("P", size, stored, "raw", "P", 0, -1)
     picture.putpalette(palette.ravel().tolist())
     return raster_png(picture)
-
-
-def _quoted(name: str) -> str:
-    return json.dumps(name, ensure_ascii=False)  # a JSON string is a YAML string

@@ -104,14 +104,12 @@ class MapFile:
     grid : OccupancyGrid
         Free, occupied and unknown cells; row 0 is the bottom of the image.
     yaml_path, image_path : Path
-        The files.
     fractions : Fractions
         Shares of free, occupied and unknown cells.
     warnings : tuple of str
         Suspicious properties of the map, each with its remedy.
     occupancy : (H, W) int8
-        Occupancy from 0 to 100 or -1, in the grid's order, as map_server would publish it; in
-        trinary mode the grid's cells themselves.
+        Occupancy from 0 to 100 or -1, as map_server would publish it; in trinary mode the cells.
     rules : PixelRules
         Mode, thresholds and negation of the YAML file.
     unknown_value : int or "none", optional
@@ -365,9 +363,10 @@ def save_map(
 def write_description(image_path: Path, grid: OccupancyGrid, mode: Mode) -> Path:
     """Write the YAML file of a map's image next to it; returns its path."""
     x, y = grid.origin_xy_m
+    name = json.dumps(image_path.name, ensure_ascii=False)  # a JSON string is a YAML string
     return write_text(
         image_path.with_suffix(".yaml"),
-        f"image: {_quoted(image_path.name)}\n"
+        f"image: {name}\n"
         f"mode: {mode}\n"
         f"resolution: {grid.resolution_m!r}\n"
         f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
@@ -384,11 +383,6 @@ def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:
     from PIL import Image
 
     return encoded(Image.fromarray(np.ascontiguousarray(grey)))
-
-
-def _quoted(name: str) -> str:
-    """A file name as a quoted YAML string."""
-    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def as_grid(value: Any) -> OccupancyGrid | None:

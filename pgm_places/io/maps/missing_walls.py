@@ -16,6 +16,7 @@ from pgm_places.io.maps.map_pixels import PixelRules, grey_of
 from pgm_places.io.maps.raster_image import RasterImage
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from pgm_places.maps.windows import window_around
 
 NEAR_M = 0.15
 """Distance from an occupied cell within which a border of free space has a wall."""
@@ -104,15 +105,8 @@ def with_walls(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 def _around_free(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.int8]:
     """The window of a raster with its free cells and their surroundings."""
     margin = int(_near_cells(resolution_m)) + 1  # cells beyond the window's edge are not near
-    free = cells == FREE
-    spans = []
-    for axis in (1, 0):
-        taken = np.flatnonzero(free.any(axis=axis))
-        if not len(taken):
-            return cells
-        spans.append(slice(max(int(taken[0]) - margin, 0), int(taken[-1]) + 1 + margin))
-    rows, columns = spans
-    return cells[rows, columns]
+    window = window_around(cells == FREE, margin)
+    return cells if window is None else cells[window]
 
 
 def _borders(cells: NDArray[np.int8]) -> Iterator[tuple[NDArray[np.bool_], slice]]:

@@ -243,14 +243,8 @@ def rasterize_polygon(
 
     A centre is inside where a ray from it towards smaller columns crosses the rings an odd number
     of times. Borders are half-open, so two polygons that share an edge share no cell and leave none
-    between them.
-
-    Parameters
-    ----------
-    rings : sequence of (n, 2) arrays
-        Closed rings in map metres; an outline and its holes in any order and direction.
-    grid : OccupancyGrid
-        The map; the slices and the mask (h, w) cover the part of it around the polygon.
+    between them. Rings (n, 2) are closed, in map metres, an outline and its holes in any order; the
+    slices and the mask (h, w) cover the part of the map around the polygon.
     """
     height, width = grid.shape
     local = [_in_cells(ring, grid) for ring in rings]

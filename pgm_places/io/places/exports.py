@@ -218,15 +218,8 @@ def write_geotiff(
 ) -> Path:
     """Write a GeoTIFF of region ids, or labels from 1; 0 is "no data". Returns the path.
 
-    Metres of the map frame become metres of EPSG 3857, as in the GeoJSON files: a plane near
-    (0, 0), not a location on Earth.
-
-    Raises
-    ------
-    InputError
-        More ids than 16 bits hold, or another ``what``.
-    OutputError
-        The file cannot be written.
+    Metres of the map frame become metres of EPSG 3857, as in the GeoJSON files: a plane near (0,
+    0), not a location on Earth. Ids have at most 16 bits.
     """
     from PIL import Image
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
@@ -252,14 +245,7 @@ def write_cleaned_map(folder: Path, topology: TopologicalMap, grid: OccupancyGri
     """Write the map with free space outside places made unknown; returns the paths.
 
     Rays through windows, the outside and unreachable space become unknown, so that planners do not
-    send robots there.
-
-    Raises
-    ------
-    InputError
-        The map has another frame than the places.
-    OutputError
-        A file cannot be written.
+    send robots there. The map must have the frame of the places.
     """
     check_frame(grid, topology)
     stray = grid.free & (topology.region == 0)

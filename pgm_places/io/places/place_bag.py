@@ -210,19 +210,7 @@ def write_place_bag(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     Topics: ``/place_classes`` (``nav_msgs/OccupancyGrid``, the class of each cell from 1, with the
     map's origin and yaw) and ``/places`` (``visualization_msgs/MarkerArray``: areas, outlines,
     names, paths). Each has one message at time 0, latched when played. An existing bag is replaced.
-    Foxglove opens the MCAP file; ``ros2 bag play`` the folder.
-
-    Parameters
-    ----------
-    folder : Path
-    topology : TopologicalMap
-
-    Raises
-    ------
-    InputError
-        The extra ``bags`` is not installed.
-    OutputError
-        The folder cannot be written, or holds other files.
+    Foxglove opens the MCAP file; ``ros2 bag play`` the folder. It needs the extra ``bags``.
     """
     target = Path(folder)
     typesys = needed("rosbags.typesys", extra="bags", purpose="writing MCAP")
