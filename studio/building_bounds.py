@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.components import connected_components, squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 MOST_CELLS = 2_000_000

@@ -11,8 +11,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.simulation import generate_building
+from pgm_places.trajectories.path import headings_along
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.trajectories.trajectory import Trajectory, headings_along
+from pgm_places.trajectories.trajectory import Trajectory
 
 FRONT = ScanGeometry.half_circle(181, range_max_m=30.0)
 

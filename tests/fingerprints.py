@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pgm_places import Sensor, SensorNoise, _core, label_map, trained_labeler
 from pgm_places.features.extraction import extract
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.simulation import generate_building
 from pgm_places.solvers.belief_propagation import belief_propagation

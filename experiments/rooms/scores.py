@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from experiments.rooms.maps import LEAST_PIXELS
 from pgm_places.errors import InputError
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.components import connected_components, squared_clearance
 
 WIDEST_DOOR_M = 2.0
 """Wider borders between rooms are openings, not doors."""

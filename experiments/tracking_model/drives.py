@@ -14,8 +14,8 @@ from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.simulation.simulated_robot import SimulatedRobot
+from pgm_places.trajectories.path import PathSegments
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.trajectories.segments import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.scan_model import BeamOptions, observed_along

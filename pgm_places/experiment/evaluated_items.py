@@ -16,7 +16,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.graph_layout import GraphLayout
 from pgm_places.spaces.doorways import DoorScores, match_doors, match_painted
-from pgm_places.trajectories.path_layout import PathLayout
+from pgm_places.trajectories.path import PathLayout
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.space_model import MapSpaces
 

@@ -12,7 +12,7 @@ from pgm_places.floor.architecture import DEEPEST, LABELS
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.floor.raster import FARTHEST, FloorRaster, holders, network_inputs, open_cells
 from pgm_places.kernels.threads import run_tasks
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 _TILE, _MARGIN = 1024, 160  # margin of a tile in cells of 0.1 m: the receptive field of its cells

@@ -208,7 +208,7 @@ class LabelGraph:
             Position of each step in metres; a third column, the heading, is ignored.
         loops : (L, 2) int, optional
             Pairs of steps at one location on different passes, as from
-            :func:`pgm_places.trajectories.segments.loop_links`.
+            :func:`pgm_places.trajectories.path.loop_links`.
 
         Edges have the kinds TIME and LOOP.
         """

@@ -14,7 +14,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.trajectories.segments import PathSegments
+from pgm_places.trajectories.path import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 
 

@@ -13,8 +13,8 @@ from pgm_places.labelers.map_prior import MapPrior, PositionPrior
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.sensing.local_map import LocalMap
+from pgm_places.trajectories.path import DistanceTrigger
 from pgm_places.trajectories.scan import Scan, ScanGeometry
-from pgm_places.trajectories.segments import DistanceTrigger
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.local_features import with_local_floor

@@ -35,8 +35,8 @@ from pgm_places.options import AtLeastZero, Seed, Whole
 from pgm_places.progress import Progress, report_stage, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_moves import N_RUNS
+from pgm_places.trajectories.path import PathSegments
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.trajectories.segments import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.local_features import with_local_floor

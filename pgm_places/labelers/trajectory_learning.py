@@ -21,7 +21,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import report_stage
-from pgm_places.trajectories.segments import PathSegments
+from pgm_places.trajectories.path import PathSegments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary import list_learning, scan_model
 from pgm_places.unary.scan_model import ScanModel

@@ -1,4 +1,4 @@
-"""Connected components of equal labels (Rosenfeld and Pfaltz, paper section 6.2)."""
+"""Connected components (Rosenfeld and Pfaltz, paper section 6.2), and distances to cells."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._core import label_components
+from pgm_places._checks import require_shape
+from pgm_places._core import label_components, squared_distance
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 
@@ -105,3 +106,27 @@ def connected_components(
         label[numbers] = values[rows][inside]
         size += np.bincount(numbers, minlength=count)
     return Components(piece, label, size)
+
+
+def squared_clearance(
+    blocked: NDArray[np.bool_], *, out: NDArray[np.int32] | None = None
+) -> NDArray[np.int32]:
+    """(H, W) squared distance, in cells, from each cell's centre to the nearest blocked one's.
+
+    Everything outside the raster is blocked; blocked cells have distance 0. ``out`` (H, W) receives
+    the result, to save memory on huge maps.
+
+    Examples
+    --------
+    >>> squared_clearance(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], bool))[1].tolist()
+    [1, 4, 1, 0]
+    """
+    targets = np.ascontiguousarray(blocked, np.bool_)
+    squared = np.empty(targets.shape, np.int32) if out is None else out
+    require_shape("out", squared.shape, targets.shape)
+    if not targets.size:
+        return squared
+    width = targets.shape[1]
+    site, start = np.empty(width, np.int32), np.empty(width, np.int32)
+    squared_distance(targets, squared, site, start, np.empty(width, np.int64))
+    return squared

@@ -15,7 +15,7 @@ from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.pictures.graph_layout import GraphLayout
-from pgm_places.trajectories.path_layout import PathLayout
+from pgm_places.trajectories.path import PathLayout
 
 if TYPE_CHECKING:
     from PIL import Image

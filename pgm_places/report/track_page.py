@@ -17,7 +17,7 @@ from pgm_places.pictures.drawing import INK, MUTED, text_width
 from pgm_places.pictures.map_pictures import path_cells
 from pgm_places.pictures.page import data_uri, render
 from pgm_places.report.line_chart import PixelFigure
-from pgm_places.trajectories.path_layout import PathLayout
+from pgm_places.trajectories.path import PathLayout
 
 PLOT_COLUMNS = 1400
 """Most columns of the belief plot; each column of a longer log is a mean."""

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _core
 from pgm_places._core import open_cells, smoothed_roots
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 
 FURNITURE_M2 = 0.35

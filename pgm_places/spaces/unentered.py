@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import freeze, require_shape
 from pgm_places._core import grow_pieces, label_components, open_cells, sum_pieces
 from pgm_places.errors import InputError
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.spaces.basins import open_space
 from pgm_places.spaces.entered_options import EnteredOptions

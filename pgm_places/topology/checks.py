@@ -8,7 +8,7 @@ import numpy as np
 
 from pgm_places._arguments import public
 from pgm_places.errors import InputError
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.topology.cuts import Line, cut_along, has_jambs, line_width_m, opening_cuts
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap

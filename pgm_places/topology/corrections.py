@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.components import Components, connected_components, squared_clearance
 from pgm_places.topology.regions import contacts
 from pgm_places.topology.rules import CorrectionRules
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from pgm_places._core import cover_cells, segment_clearances, stays_between, thin
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.components import connected_components, squared_clearance
 from pgm_places.topology.topological_map import TopologicalMap
 
 _AROUND = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]

@@ -15,9 +15,8 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.lazy_memory import drop_pages
 from pgm_places.maps._blocks import factor_between
-from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.coarsening import Coarsening
-from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.components import Components, connected_components, squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.windows import KnownWindow
 from pgm_places.options import AtLeastZero

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import freeze, plain_names
 from pgm_places.errors import InputError
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import Components
+from pgm_places.maps.components import Components, squared_clearance
 from pgm_places.spaces.gates import Gate
 from pgm_places.topology import cuts
 from pgm_places.topology.checks import split_candidates

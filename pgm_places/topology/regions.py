@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen_copy, require_shape
 from pgm_places._core import mark_deepest
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import Components
+from pgm_places.maps.components import Components, squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.spaces.gates import Gate
 from pgm_places.topology.outlines import outlines

@@ -26,6 +26,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import at_cells
 from pgm_places.plotting import Plotted, axes_or_new, data_frame
+from pgm_places.trajectories.path import headings_along
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.similarity import Similarity
 
@@ -350,31 +351,6 @@ class Trajectory(Plotted):
     def n_backward_times(self) -> int:
         """How many steps have an earlier stamp than the step before them."""
         return int(np.count_nonzero(np.diff(self.times_s) < 0))
-
-
-def headings_along(positions_m: ArrayLike) -> NDArray[np.float64]:
-    """(T,) direction of travel at each position (T, 2): from the one before to the one after.
-
-    Where the robot stands still the last direction holds; a path without any motion heads along
-    the x axis.
-
-    Examples
-    --------
-    >>> headings_along([[0, 0], [1, 0], [1, 0], [1, 1]]).round(3).tolist()
-    [0.0, 0.0, 1.571, 1.571]
-    """
-    positions = finite_array("positions_m", positions_m, ("T", 2))
-    padded = np.concatenate([positions[:1], positions, positions[-1:]])
-    motion = padded[2:] - padded[:-2]
-    moving = (motion != 0).any(axis=1)
-    if not moving.any():
-        return np.zeros(len(positions))
-    # A standing step gets the direction of the last moving step, or of the first one of all.
-    steps = np.where(moving, np.arange(len(positions)), -1)
-    steps = np.maximum.accumulate(steps)
-    steps[steps < 0] = int(moving.argmax())
-    direction: NDArray[np.float64] = np.arctan2(motion[:, 1], motion[:, 0])[steps]
-    return direction
 
 
 @public

@@ -17,7 +17,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
-from pgm_places.trajectories.segments import DistanceTrigger
+from pgm_places.trajectories.path import DistanceTrigger
 from pgm_places.unary.floor_model import FloorModel
 
 N_LOCAL_SPACE_FEATURES = len(space_feature_names(RATIOS))

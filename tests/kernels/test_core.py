@@ -12,7 +12,7 @@ import pytest
 
 from pgm_places import OccupancyGrid, Sensor, SensorNoise, _core
 from pgm_places.features.extraction import extract
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.models.boosting_rounds import boost, boost_trees
 from pgm_places.models.sorted_features import prepare
 from pgm_places.sensing.ray_casting import cast_cells

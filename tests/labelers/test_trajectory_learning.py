@@ -14,7 +14,7 @@ from pgm_places.labelers.trajectory_learning import ListExamples, learn_list, se
 from pgm_places.models.boosted_list import list_average
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.trajectories.segments import PathSegments
+from pgm_places.trajectories.path import PathSegments
 from pgm_places.unary.list_learning import Rows
 
 NAMES = ("room", "corridor", "doorway")

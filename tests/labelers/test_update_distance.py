@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.labelers.trajectory_learning import ObservedDrive, WithDistance, chosen_distance
-from pgm_places.trajectories.segments import PathSegments
+from pgm_places.trajectories.path import PathSegments
 
 
 def drive(seed: int) -> ObservedDrive:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.topology.route_graph import RouteGraph
 from pgm_places.topology.topological_map import TopologicalMap
 

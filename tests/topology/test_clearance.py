@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pgm_places.errors import InputError
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.topology.regions import edges
 from tests.strategies import varied_arrays
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.components import connected_components, squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.regions import Region, contacts, describe_regions, edges, find_passages
 from tests.strategies import varied_arrays

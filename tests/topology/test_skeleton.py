@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pgm_places._core import thin
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.topology.driving_graph import skeleton_of
 from tests.reference.routes import counts, is_simple
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.raster_edges import EdgeKind
-from pgm_places.trajectories.segments import WAY_RATIO, PathSegments, loop_links
+from pgm_places.trajectories.path import WAY_RATIO, PathSegments, loop_links
 
 
 def obvious_links(positions: np.ndarray, within_m: float) -> set[tuple[int, int]]:

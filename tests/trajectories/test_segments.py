@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.trajectories.segments import DistanceTrigger, PathSegments
+from pgm_places.trajectories.path import DistanceTrigger, PathSegments
 
 
 @given(st.integers(0, 40), st.floats(0.0, 2.0), st.integers(0, 100))

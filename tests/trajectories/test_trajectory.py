@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pgm_places import LabelledMap, OccupancyGrid, Scan, ScanGeometry, Similarity, Trajectory
 from pgm_places.errors import InputError, LabelError
-from pgm_places.trajectories.trajectory import headings_along
+from pgm_places.trajectories.path import headings_along
 from tests.refusals import refused
 
 GEOMETRY = ScanGeometry.half_circle(4, range_max_m=8.0)

@@ -14,7 +14,8 @@ from pgm_places.io.atomic import write_text
 from pgm_places.io.csv_table import CsvTable, csv_text, open_table
 from pgm_places.io.input_file import user_path
 from pgm_places.io.logs.log_files import LoadedLog, order_warnings
-from pgm_places.trajectories.trajectory import Trajectory, headings_along
+from pgm_places.trajectories.path import headings_along
+from pgm_places.trajectories.trajectory import Trajectory
 
 MAX_BYTES = 1 << 30
 _TIME = ("t_s", "time_s", "timestamp", "time", "t")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.maps.map_pixels import PixelRules, grey_of
 from pgm_places.io.maps.raster_image import RasterImage
-from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.maps.windows import window_around
 

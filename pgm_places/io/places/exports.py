@@ -19,8 +19,7 @@ from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
 from pgm_places.io.places.nav2_folder import check_frame
 from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
-from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.components import connected_components, squared_clearance
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option
 from pgm_places.topology.outlines import outlines
