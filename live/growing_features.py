@@ -101,10 +101,10 @@ class GrowingFeatures:
         cells_rc = np.argwhere(grid.free)
         if not len(cells_rc):
             raise InputError("the map has no free cell whose features could be computed")
-        kept_row, n_changed = self._unchanged(grid, cells_rc)
+        earlier_row, n_changed = self._unchanged(grid, cells_rc)
         # If casting fails, the rows belong partly to this map and partly to the previous one.
         self._seen = None
-        fresh = self._table.assign(kept_row)
+        fresh = self._table.assign(earlier_row)
         missing = self._table.n_rows - len(self._reach)
         if missing:
             self._reach = np.pad(self._reach, ((0, missing), (0, 0)))

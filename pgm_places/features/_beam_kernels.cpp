@@ -1,6 +1,6 @@
 // Features on raw beams: differences, ratios, gaps and spread of the lengths.
 //
-// Every kernel takes `rho`, the planes of its tiles, and writes rows of `values`: row 321 tile + column
+// Every kernel reads `rho`, the planes of its tiles, and writes rows of `values`: row 321 tile + column
 // holds that feature of the tile's sixteen scans. Sums of powers are taken about the first value: no
 // mean lies more than sqrt(M - 1) standard deviations away from any value, so that the shift to the
 // mean loses at most five of sixteen digits.
@@ -98,8 +98,8 @@ struct CutFeatures {
     }
 };
 
-// Count, lane by lane, in which of the `n` rows of `kept` the condition holds; only rows in which it
-// does in some lane are kept.
+// Count, lane by lane, the `n` rows of `kept` in which the condition holds, and drop the rows in which
+// it holds in no lane.
 template <class L, class Condition>
 PGM_INLINE L count_and_keep(const Rows<L, double> &kept, int64_t &n, Condition condition) {
     L count = L::splat(0.0);
@@ -124,8 +124,8 @@ PGM_INLINE void write_count(const Values<BYTES> &out, Wide<BYTES> count,
 
 // Write f14 and f33 for each of the `gaps` (ascending) to `columns` (G, 2).
 //
-// Rows in which no lane exceeds the smallest gap, which are most, are set aside at once; `kept`
-// (361 rows) is room for the others.
+// Most rows have no lane above the smallest gap and are dropped at once; `kept` (361 rows) is scratch
+// for the others.
 struct GapFeatures {
     template <int BYTES>
     static PGM_INLINE void run(Planes rho, int64_t n_tiles, Numbers gaps,
@@ -156,8 +156,8 @@ struct GapFeatures {
 
 // Write f27 and f27_sd, and f30 and f34 for each of the `bounds` (descending).
 //
-// The largest bound is counted at once, the others on the rows that reach below the second one, for
-// which `kept` (361 rows) is room.
+// The largest bound is counted at once, the others on the rows below the second bound; `kept`
+// (361 rows) is scratch for these rows.
 struct RatioFeatures {
     template <int BYTES>
     static PGM_INLINE void run(Planes rho, int64_t n_tiles, Numbers bounds,

@@ -27,7 +27,7 @@ constexpr int CHUNK = 12, REACH = 14, N_STEPS = REACH + 1;
 constexpr double PI = 3.141592653589793, LEAST_EDGE_M = 1e-12, LEAST_LENGTH_M = 1e-9;
 
 // Rows of the float32 planes to work in, real parts or cosines before imaginary parts or sines: the
-// sides u_k of the whole outline; of a chunk the turns a_k, the steps, the turns times one centre's
+// sides u_k of the outline; of a chunk the turns a_k, the steps, the turns times one centre's
 // power and times its conjugate, that power, and the power from centre to centre.
 constexpr int SIDES = 0, TURNS = SIDES + 2 * N_BEAMS, STEPS = TURNS + 2 * CHUNK,
               CENTRES = STEPS + 2 * N_STEPS * CHUNK, POWER = CENTRES + 4 * CHUNK,

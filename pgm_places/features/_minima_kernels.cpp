@@ -36,7 +36,7 @@ template <class L> struct First {
     L lowest, start, middle;
 };
 
-// The longest beams before the first minimum, and those from it to the end of the scan.
+// The longest beams before the first minimum, and from it to the end of the scan.
 template <class L> struct Longest {
     L before, at_the_end;
 };

@@ -26,7 +26,7 @@ template <int BYTES> constexpr int COMPARING = std::min(BYTES, 32);
 template <int BYTES> using Wide = Simd<double, PART<BYTES>, BYTES>;
 template <int BYTES> using Narrow = Simd<float, PART<BYTES>, BYTES>;
 
-// Some lanes of the rows of a plane: those of a part, or all of its memory as shorter rows.
+// Some lanes of the rows of a plane: the lanes of a part, or all of its memory as shorter rows.
 template <class L, class T> struct Rows {
     T *data;
     int stride;

@@ -8,7 +8,7 @@ in the given order.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,7 +58,10 @@ class MapFeature(Protocol):
         ...
 
 
-def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
+Feature: TypeAlias = ScanFeature | MapFeature
+
+
+def as_features(features: Sequence[str | Feature]) -> tuple[Feature, ...]:
     """The features, with names replaced by instances, after checking that they fit together.
 
     Raises
@@ -90,12 +93,12 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
     return built
 
 
-def n_columns(own: Sequence[Any]) -> int:
+def n_columns(own: Sequence[Feature]) -> int:
     """The number of columns: the laser's and those of custom features."""
     return N_LASER + sum(len(feature.column_names) for feature in own)
 
 
-def column_names(own: Sequence[Any]) -> tuple[str, ...]:
+def column_names(own: Sequence[Feature]) -> tuple[str, ...]:
     """The names of all columns, in order."""
     return (
         *laser_feature_names(),
@@ -104,7 +107,7 @@ def column_names(own: Sequence[Any]) -> tuple[str, ...]:
 
 
 def values_on_map(
-    own: Sequence[Any],
+    own: Sequence[Feature],
     grid: OccupancyGrid,
     cells_rc: NDArray[np.integer[Any]],
     columns: NDArray[np.int64] | None = None,
@@ -123,7 +126,7 @@ def values_on_map(
 
 def feature_values(
     ranges_m: NDArray[np.float32],
-    own: Sequence[Any] = (),
+    own: Sequence[Feature] = (),
     columns: NDArray[np.int64] | None = None,
     *,
     max_range_m: float,
@@ -150,14 +153,15 @@ def feature_values(
         if from_map is not None and place in from_map:
             values = from_map[place]
         else:
+            assert isinstance(item, ScanFeature)  # of_cells is computed once for each map
             values = _checked(item, "of_scans", item.of_scans(scans, max_range_m), len(scans))
         parts.append(values[:, chosen])
     return np.concatenate(parts, axis=1)
 
 
 def _wanted(
-    own: Sequence[Any], columns: NDArray[np.int64] | None
-) -> list[tuple[Any, NDArray[np.int64]]]:
+    own: Sequence[Feature], columns: NDArray[np.int64] | None
+) -> list[tuple[Feature, NDArray[np.int64]]]:
     """Each feature with the numbers of its requested columns."""
     pairs, first = [], N_LASER
     for feature in own:
@@ -169,7 +173,7 @@ def _wanted(
     return pairs
 
 
-def _checked(item: Any, method: str, values: ArrayLike, n: int) -> NDArray[np.float32]:
+def _checked(item: Feature, method: str, values: ArrayLike, n: int) -> NDArray[np.float32]:
     what = f"{_kind(item)}.{method}(...)"
     shape = (n, len(item.column_names))
     checked: NDArray[np.float32] = finite_array(what, values, shape, dtype=np.float32)

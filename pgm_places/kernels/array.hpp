@@ -1,8 +1,8 @@
 // Arrays and named tuples of Python as kernels see them.
 //
-// A kernel takes `Array<const float, 2>` for what it reads and `Array<float, 2>` for what it writes.
-// Only a C-contiguous array of this very type and number of dimensions is accepted, and nothing is
-// ever converted: a copy would not be what the caller reads its results from.
+// A kernel reads an `Array<const float, 2>` and writes an `Array<float, 2>`. Only a C-contiguous array
+// of exactly this type and number of dimensions is accepted. Nothing is converted, because results in a
+// copy would not reach the caller.
 
 #pragma once
 

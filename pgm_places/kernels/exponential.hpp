@@ -1,6 +1,6 @@
 // The exponential function of vectors of numbers that are not above zero.
 //
-// It takes the same operations, and gives the same bits, everywhere; the system's does not.
+// It has the same bits on every machine, unlike the system's function.
 
 #pragma once
 

@@ -1,7 +1,7 @@
 // Vectors of a few numbers, in parts as wide as the processor's registers.
 //
-// No operation mixes lanes unless its name says so, and sums and fused products are exactly those
-// written, so that a lane's bits depend neither on the other lanes nor on the machine.
+// No operation mixes lanes unless its name says so, and sums and fused products are evaluated exactly
+// as written, so that a lane's bits depend neither on the other lanes nor on the machine.
 //
 // A kernel that uses them is a template over BYTES, the width of a register, and is compiled for
 // each kind of processor: see `variants`. Everything that it calls has to be PGM_INLINE.
@@ -16,7 +16,7 @@
 #include <type_traits>
 #include <utility>
 
-// Checked kernels are compiled once: they are for tests, and compiling takes longest.
+// Checked kernels, for tests, are compiled for one width only, because compiling is slow.
 #if (defined(__x86_64__) || defined(_M_X64)) && !defined(PGM_CHECKED)
 #define PGM_VARIANTS
 #include <cpuid.h>
@@ -304,7 +304,7 @@ inline int &register_limit() {
 }
 
 #ifdef PGM_VARIANTS
-// Asked of the processor itself: not every compiler's library knows.
+// Queries the processor itself, because not every compiler's library supports the query.
 inline int widest_registers() {
     static const int bytes = [] {
         unsigned a, b, c, d, wide, unused;

@@ -202,7 +202,7 @@ class CellCaster:
         self._list_bytes = _bytes_of_lists(grid, sensor.stop_at_unknown)
         self._spare: list[Work] = []
         # The last surroundings are cached: in a map smaller than the reach, all boxes share them.
-        self._region_seen: Box | None = None
+        self._last_region: Box | None = None
         self._blocked = np.empty((0, 0), np.uint8)
         self._surroundings: dict[bool, Surroundings] = {}
 
@@ -229,11 +229,11 @@ class CellCaster:
         The cells are given by ``rows`` and ``columns`` of the map.
         """
         region = self._region(box)
-        if region != self._region_seen:
+        if region != self._last_region:
             self._surroundings = {}
             self._blocked = np.empty((0, 0), np.uint8)  # free the old ones first
             self._blocked = blocked_window(self._grid, region, self._sensor.stop_at_unknown)
-            self._region_seen = region
+            self._last_region = region
         blocked = self._blocked
         if self._sweep_pays(box, blocked, len(nodes)):
             raster = np.full((box.height, box.width), -1, np.int32)

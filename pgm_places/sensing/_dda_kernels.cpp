@@ -20,7 +20,7 @@ using std::int64_t;
 constexpr double INFINITE = std::numeric_limits<double>::infinity();
 constexpr double TINY = 1e-12;  // components below it are rounding left over from a right angle
 
-// The steps of M beams, as BeamSteps has those of one.
+// The steps of M beams; BeamSteps has the steps of one beam.
 struct CentreBeams {
     Array<const int64_t, 1> step_x, step_y;
     Array<const double, 1> per_x, per_y;

@@ -1,8 +1,8 @@
 // Evidence of a rolling map: scans written into it, rays followed through it.
 //
-// The map is a window of n x n cells on an unbounded plane. A cell of the plane is kept at its row and
-// column modulo n, so that the window moves without copying; `wrap_row` and `wrap_column` are where
-// the window's first cell is kept. Positions are in cells from the window's corner.
+// The map is a window of n x n cells on an unbounded plane. A cell of the plane is stored at its row
+// and column modulo n, so that the window moves without copying; `wrap_row` and `wrap_column` are the
+// storage indices of the window's first cell. Positions are in cells from the window's corner.
 
 #include <algorithm>
 #include <cmath>
@@ -24,7 +24,7 @@ constexpr double DEPTH = 0.1;   // cells behind the surface that a beam met: the
 struct Window {
     Array<int8_t, 2> evidence;      // (n, n) log-odds in steps; above 0 occupied, below 0 free
     Array<std::uint8_t, 2> seen;    // (n, n) number of the scan that changed a cell last
-    int64_t wrap_row, wrap_column;  // where the window's first row and column are kept
+    int64_t wrap_row, wrap_column;  // storage indices of the window's first row and column
     auto fields() { return std::tie(evidence, seen, wrap_row, wrap_column); }
 
     int64_t n() const { return evidence.shape(0); }
@@ -188,7 +188,7 @@ void cast_rays(Window window, Pose pose, Array<const double, 1> angles_rad, doub
     }
 }
 
-// The largest and the smallest of some values and those before, entry by entry.
+// Update the largest and the smallest values so far, entry by entry.
 void extend(const int8_t *values, int64_t n, int8_t *most, int8_t *least) {
     for (int64_t c = 0; c < n; ++c) {
         most[c] = std::max(most[c], values[c]);
@@ -205,7 +205,7 @@ void coarse_cells(Window window, Place low, Place high, int64_t factor, Values v
     const int64_t width = high.column - low.column;
     std::vector<int8_t> most(width), least(width);
     const int64_t kept_column = window.kept_column(low.column);
-    // Columns before those that are kept at the beginning.
+    // Number of columns before the storage wraps around.
     const int64_t before = std::min(width, window.n() - kept_column);
     for (int64_t r = 0; r < out.shape(0); ++r) {
         std::fill(most.begin(), most.end(), int8_t(0));

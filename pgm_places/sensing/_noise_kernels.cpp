@@ -14,7 +14,7 @@ using std::uint32_t;
 
 constexpr double PI = 3.141592653589793;
 
-// A SensorNoise as the kernel takes it, its seed as two words.
+// A SensorNoise for the kernel, with its seed as two words.
 struct Noise {
     std::int64_t seed_low, seed_high;
     double sigma_m, p_random, p_max, max_range_m;

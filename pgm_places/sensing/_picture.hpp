@@ -1,4 +1,4 @@
-// The picture that a sweep paints and reads: for each u the first face, seen from the left.
+// The picture that a sweep paints and reads: for each u the first face from the left.
 //
 // See _sweep_kernels.cpp for what u is. A picture has K bins for each cell of u (K a power of two). A
 // bin holds one face, or two with the exact position of the edge between them; where a third would be
@@ -69,7 +69,7 @@ PGM_INLINE void cover_inside(const Pictures &pictures, std::int64_t at, std::int
     float &edge = pictures.edges(at);
     const std::int32_t lower = lower_face(pair), upper = upper_face(pair);
     if (lower == upper) {
-        if (lower != face) {  // what lies above `end` is kept in no bin: MIXED from `begin` on
+        if (lower != face) {  // no bin stores the face above `end`: MIXED from `begin` on
             pair = pair_of(MIXED, lower);
             edge = begin;
         }
@@ -104,8 +104,8 @@ struct Crossing {
 
 // Paint the faces of one column of the region's lists over the pictures of all beams.
 //
-// It is column `x` of the octant, `map_x` counted in the whole map. Faces are cut to the places that
-// a picture has.
+// It is column `x` of the octant, column `map_x` of the map. Faces are clipped to the bins of
+// the picture.
 PGM_INLINE void paint_column(const Region &region, std::int64_t column, std::int64_t x,
                              std::int64_t map_x, const Rays &rays, const Pictures &pictures) {
     using std::int64_t;

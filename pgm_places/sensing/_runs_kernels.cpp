@@ -9,7 +9,7 @@ using std::int64_t;
 
 // Runs of ones in each row of `mask`, as [begin, end) pairs; row i has starts[i:i+2].
 //
-// Returns how many there are; those beyond the length of `runs` (n, 2) are not noted. `words` is the
+// Returns the number of runs; runs beyond the length of `runs` (n, 2) are not written. `words` is the
 // same memory as `mask`, eight cells a word, so that uniform stretches are skipped; the last cell of
 // a row must be 0.
 int64_t list_runs(Array<const std::uint64_t, 2> words, Array<const std::uint8_t, 2> mask,

@@ -11,9 +11,9 @@
 //
 // A near side is (X - x) / major away from a cell centre at x, a lower side (Y - y) / minor.
 //
-// Columns and rows are counted in the tile's region, a window of the map that holds all that its beams
-// can reach; but fractions of u are computed from columns counted in the whole map, so that every tile
-// sees the same bins and the tiling does not change a bit of the result.
+// Columns and rows are counted in the tile's region, a window of the map with everything that its
+// beams can reach. Fractions of u are computed from columns of the map, so that all tiles have the same
+// bins and tiling does not change a bit of the result.
 
 #include "pgm_places/kernels/registry.hpp"
 #include "pgm_places/sensing/_dda.hpp"
@@ -64,7 +64,7 @@ PGM_INLINE Opened open_column(const TileCells &tile, int64_t k, bool downward,
     return found;
 }
 
-// Follow cell by cell those rays of a column whose readings are negative: not known.
+// Follow the rays of a column with negative, that is unknown, readings cell by cell.
 //
 // The column is column `at` of the region, counted along the map's axis.
 PGM_INLINE void follow_mixed(const Column &column, int64_t n_cells,

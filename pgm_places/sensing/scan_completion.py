@@ -91,10 +91,10 @@ class ScanCompletion:
             self._caster = PoseCaster(self.known_map)
         self._angles = self.angles_rad
         self._beam_of = _nearest_beams(self.geometry.angles_rad, self._angles)
-        self._seen = self._beam_of >= 0
-        if not self._seen.any():
+        self._observed = self._beam_of >= 0
+        if not self._observed.any():
             raise InputError(f"{self.geometry} has no beam near any of {self.n_beams} directions")
-        self._mirror_of = _mirrored(self._angles, self._seen)
+        self._mirror_of = _mirrored(self._angles, self._observed)
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -128,7 +128,7 @@ class ScanCompletion:
         if self.missing in ("local-map", "known-map"):
             return self._filled_from_map(poses, ranges)
         reach = np.float32(self.max_range_m)
-        observed = self._seen
+        observed = self._observed
         bridged = _bridged(np.where(self.geometry.returned(ranges), ranges, np.nan), reach)
         completed = np.full((len(poses), self.n_beams), reach, np.float32)
         completed[:, observed] = bridged[:, self._beam_of[observed]]
@@ -140,7 +140,7 @@ class ScanCompletion:
         self, poses: NDArray[np.float64], ranges: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         reach = np.float32(self.max_range_m)
-        observed = self._seen
+        observed = self._observed
         filled = np.where(observed, ranges[:, self._beam_of], reach)
         returned = observed & self.geometry.returned(ranges)[:, self._beam_of]
         wanted = np.ones_like(returned) if self.all_from_map else ~returned

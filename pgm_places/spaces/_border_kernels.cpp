@@ -15,7 +15,7 @@ using pgm::Rows;
 using std::int32_t;
 using std::int64_t;
 
-// The highest pass between each two basins; those of a basin are a list, the last one first.
+// The highest pass between each two basins; the passes of a basin form a list, the last one first.
 struct Passes {
     Rows<int32_t, 3> rows;
     std::vector<int32_t> last, before;  // of a basin and of a row; -1 at the end

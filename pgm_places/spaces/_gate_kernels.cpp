@@ -106,7 +106,7 @@ void width_profiles(Array<const std::int8_t, 2> cells, int64_t free,
     }
 }
 
-// Lower `nearest` (G,) to the distance of the nearest other gate; count those in reach.
+// Lower `nearest` (G,) to the distance of the nearest other gate; count the gates in reach.
 //
 // `field` (G,) is the square that a gate lies in, `order[start[f]]` to `order[start[f + 1]]` are the
 // gates in square f. Only the squares around a gate's own are searched, so `nearest` must be no larger

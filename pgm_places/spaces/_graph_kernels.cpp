@@ -86,9 +86,9 @@ class Paths {
     std::vector<double> paths_, passed_;
 };
 
-// Write the share of shortest paths that pass through each node, of those from some sources.
+// Write the share of shortest paths from some sources that pass through each node.
 //
-// These are the first `most` of the `sources` in every component. `share` (N,) is 0 on entry.
+// Paths start at the first `most` of the `sources` in every component. `share` (N,) is 0 on entry.
 void add_paths(Array<const int64_t, 1> sources, Array<const int32_t, 1> component, int64_t most,
                Array<const int32_t, 1> start, Array<const int32_t, 1> neighbour,
                Array<double, 1> share) {

@@ -90,10 +90,10 @@ int64_t run_end(const Array<const int32_t, 2> &cells_rc, const Array<const int32
 
 // Write columns of features: `found[n, target[k]]` is column `source[k]` of cell n.
 //
-// The columns are those of the segment in `table` (S, F), followed by the distance to the wall over the
-// segment's radius, the distance in metres to the nearest opening of the segment, at most 10, and that
-// opening's half width; ties go to the wider opening. Openings are straight lines: rows of midpoint,
-// half vector and half width; those of segment s are `lines[start[s]]` to `lines[start[s + 1]]`.
+// The columns of the segment in `table` (S, F) come first, followed by the distance to the wall over
+// the segment's radius, the distance in metres to the nearest opening of the segment, at most 10, and
+// that opening's half width; ties go to the wider opening. Openings are straight lines: rows of
+// midpoint, half vector and half width; segment s has `lines[start[s]]` to `lines[start[s + 1]]`.
 void write_features(Array<const int32_t, 2> cells_rc, Array<const int32_t, 1> segment,
                     Array<const double, 1> clearance, Array<const float, 2> table,
                     Array<const double, 1> radius, Array<const int64_t, 1> start,

@@ -12,7 +12,7 @@ using pgm::Array;
 using std::int32_t;
 using std::int64_t;
 
-// Segments as they grow: radius and area are those of the roots.
+// Growing segments; only roots have a valid radius and area.
 struct Segments {
     Array<int32_t, 1> parent;
     Array<double, 1> radius;
@@ -63,7 +63,7 @@ struct Choices {
     }
 };
 
-// Write for each basin the smallest number among those it is merged with.
+// Write for each basin the smallest number among the basins that it is merged with.
 //
 // `pairs` (E, 2) are sorted by decreasing `half_width`. `radius` and `area` (B,) of the basins are
 // overwritten. Passes of equal width are processed together: at that width a segment is small if its

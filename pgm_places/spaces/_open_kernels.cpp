@@ -96,7 +96,7 @@ struct Extent {
 
 // Open the obstacles of less than `least` cells that are shorter than `longest`.
 //
-// The length is the diagonal of the box around a piece, which is that of a thin one at any angle.
+// The length is the diagonal of the box around a piece: the length of a thin piece at any angle.
 void fill_furniture(Runs &runs, double least, double longest) {
     const std::vector<int32_t> piece = number_pieces(runs, false, 1);
     Extent nothing;

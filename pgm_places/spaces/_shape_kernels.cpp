@@ -10,7 +10,7 @@ using pgm::Array;
 using std::int32_t;
 using std::int64_t;
 
-// Columns of sums; those of positions follow.
+// Columns of sums, then of positions.
 enum Sum { HEIGHTS, FURNITURE, SIDES_AT_WALLS, SIDES_AT_UNKNOWN, ROWS, COLUMNS, RR, RC, CC };
 
 // Sum over the cells of every basin into `total` (N, 9) and find its extents in cells.
@@ -55,7 +55,7 @@ void sum_basins(Array<const int32_t, 2> basin, Array<const int32_t, 2> relief,
         }
 }
 
-// Sums and extents of segments from those of their basins; -1 is no segment.
+// Sums and extents of segments from their basins; -1 is no segment.
 //
 // On entry `total` (S, 9) is 0, `low` (S, D) infinite and `high` minus that.
 void gather_basins(Array<const int32_t, 1> segment_of, Array<const int64_t, 2> basin_total,

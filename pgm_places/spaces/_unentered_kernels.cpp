@@ -16,7 +16,7 @@ using std::int64_t;
 // Rows of sums; the first two are sides at walls and at unknown space.
 enum Sum { AT_WALLS, AT_UNKNOWN, AT_OTHERS, N_FREE, LARGEST };
 
-// Give each open cell without a piece (-1) the nearest of those that grow, over sides.
+// Assign each open cell without a piece (-1) to the nearest growing piece, over sides.
 //
 // Of several pieces that are equally near, the one that comes first in the raster. `queue` is scratch
 // for one entry per cell.

@@ -71,8 +71,8 @@ uint8_t ways_back(const Relief &relief, const Steps &steps, const Array<int32_t,
 
 // Point the cells of plateaus that have an ascent towards their nearest cells that ascend.
 //
-// Waves run inward from those. `basin` is -1 on entry, and less than -1 on return wherever a wave has
-// passed; `queue` is scratch with one entry per cell.
+// Waves run inward from cells that ascend. `basin` is -1 on entry, and less than -1 on return wherever
+// a wave has passed; `queue` is scratch with one entry per cell.
 void cross_plateaus(Relief relief, Steps steps, Array<uint8_t, 1> ways, Array<int32_t, 1> basin,
                     Array<int32_t, 1> queue) {
     const int64_t width = -steps(0);
@@ -182,8 +182,8 @@ int64_t climb(Relief relief, Steps steps, Array<const uint8_t, 1> ways,
 
 // Number the lines that PARTED cells form, from `count` on.
 //
-// Returns the number of lines and that of the pairs (line, adjacent basin), with repetitions, which are
-// the first rows of `beside` (8 for every PARTED cell, 2).
+// Returns the number of lines, and the number of pairs (line, adjacent basin) with repetitions, which
+// are the first rows of `beside` (8 for every PARTED cell, 2).
 std::tuple<int64_t, int64_t> number_lines(Array<int32_t, 1> basin, Steps steps, int64_t count,
                                           Array<int32_t, 1> stack, Array<int64_t, 2> beside) {
     const int64_t width = -steps(0);

@@ -76,11 +76,6 @@ class Lookups:
 
     parts: tuple[SegmentLookup, ...]
 
-    @property
-    def n_columns(self) -> int:
-        """The columns of all divisions, and the clearance."""
-        return 1 + sum(part.n_columns for part in self.parts)
-
     def write(
         self,
         cells_rc: NDArray[np.int32],

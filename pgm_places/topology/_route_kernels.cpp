@@ -125,7 +125,7 @@ bool cross(const int64_t *a, const int64_t *b, const int64_t *c, const int64_t *
     return apart(turn(a, b, c), turn(a, b, d)) && apart(turn(c, d, a), turn(c, d, b));
 }
 
-// Numbers in squares as large as the longest edge: what meets an edge is in a square beside its own.
+// Numbers by squares as large as the longest edge: whatever meets an edge is in an adjacent square.
 class Squares {
   public:
     explicit Squares(int64_t side) : side_(side) {}
@@ -210,7 +210,7 @@ class Network {
     std::vector<int64_t> total_, touched_;
 };
 
-// Edges (M, 2) between nodes at (N, 2), of which those that are taken cross nowhere.
+// Edges (M, 2) between nodes at (N, 2); selected edges do not cross.
 class PlaneGraph {
   public:
     PlaneGraph(Array<const int64_t, 2> at, Array<const int64_t, 2> edges,
@@ -220,7 +220,7 @@ class PlaneGraph {
 
     Network &network() { return network_; }
 
-    // A node that edges may not pass. Middles of edges are doubled: they are whole numbers, too.
+    // A node that edges must not pass. Positions are doubled, so that middles of edges are integers.
     void add_node(int64_t node) { nodes_.add(2 * at_(node, 0), 2 * at_(node, 1), node); }
 
     void take(int64_t m) {
@@ -274,12 +274,12 @@ class PlaneGraph {
     Squares nodes_, middles_;
 };
 
-// Which edges (M, 2) between nodes at (N, 2) make a plane graph in which ways are short.
+// Select edges (M, 2) between nodes at (N, 2) that form a plane graph with short paths.
 //
 // The greedy spanner (Althöfer et al., 1993) without crossings: `edges` come in order of preference,
-// as a rule by their `length` (M,). One is taken if no way over those before is at most `stretch`
-// times as long, and if it crosses none of them and passes through no node. Positions are whole
-// numbers from 0.
+// usually by `length` (M,). An edge is selected if every path over selected edges is over `stretch`
+// times as long, and if it crosses no selected edge and passes through no node. Positions are integers
+// from 0.
 void plane_spanner(Array<const int64_t, 2> at, Array<const int64_t, 2> edges,
                    Array<const int64_t, 1> length, double stretch, Array<bool, 1> taken) {
     std::fill(taken.begin(), taken.end(), false);
@@ -289,13 +289,13 @@ void plane_spanner(Array<const int64_t, 2> at, Array<const int64_t, 2> edges,
         if (graph.is_needed(m, stretch, [](int64_t) { return true; })) graph.take(m);
 }
 
-// Leave out nodes of a plane graph that are near others, where no way gets too long by it.
+// Remove nodes of a plane graph that are near others, unless a path gets too long.
 //
-// `edges` (M, 2) are all that nodes at (N, 2) may have, by `length` (M,); `taken` (M,) are those of
-// the plane graph and `kept` (N,) its nodes, both are changed. `order` lists the nodes to try. One
-// goes if another that is kept is at most `apart` away. Edges between its neighbours are added as in
-// the greedy spanner, and no way between them may become longer than before unless it is at most
-// `detour` times the shortest over all edges, and `slack`.
+// `edges` (M, 2) are all possible edges of nodes at (N, 2), by `length` (M,); `taken` (M,) and `kept`
+// (N,) mark the edges and nodes of the plane graph, and both are changed. `order` lists the nodes to
+// try. A node is removed if a remaining one is at most `apart` away. Edges between its neighbours are
+// added as in the greedy spanner, and no path between them may become longer than before unless it is
+// at most `detour` times the shortest over all edges, plus `slack`.
 void leave_out_nodes(Array<const int64_t, 2> at, Array<const int64_t, 2> edges,
                      Array<const int64_t, 1> length, Array<const int64_t, 1> order, int64_t apart,
                      double stretch, double detour, int64_t slack, Array<bool, 1> taken,

@@ -134,8 +134,9 @@ def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float
     start, end = (
         middle + side * _reach(topology, place.id, middle, side * way) * way for side in (-1, 1)
     )
-    shortest = np.argmin(np.hypot(*(end - start).T))
-    return _line(start[shortest], end[shortest])
+    shortest = int(np.argmin(np.hypot(*(end - start).T)))
+    (x0, y0), (x1, y1) = start[shortest].tolist(), end[shortest].tolist()
+    return (x0, y0), (x1, y1)
 
 
 def line_width_m(line: Line) -> float:
@@ -223,11 +224,6 @@ def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
         side = minimum_cut(source, sink, edges, width_m, width_m).source_side
         sets.add(tuple(np.flatnonzero(side[sides[:, 0]] != side[sides[:, 1]]).tolist()))
     return [list(chosen) for chosen in sorted(sets) if 1 <= len(chosen) <= MOST_TOGETHER]
-
-
-def _line(start: NDArray[np.float64], end: NDArray[np.float64]) -> Line:
-    (x0, y0), (x1, y1) = start.tolist(), end.tolist()
-    return (x0, y0), (x1, y1)
 
 
 def _reach(

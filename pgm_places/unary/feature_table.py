@@ -1,13 +1,13 @@
 """Cell features and classifier scores, cached across updates of a map."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Protocol, Self, TypeVar
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import row_blocks
-from pgm_places.features.custom import feature_values, values_on_map
+from pgm_places.features.custom import Feature, feature_values, values_on_map
 from pgm_places.floor.view import FloorScores
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -25,7 +25,7 @@ _SCANS_AT_ONCE = 8_192
 def iter_features(
     grid: OccupancyGrid,
     sensor: Sensor,
-    own: Sequence[Any],
+    own: Sequence[Feature],
     mask: NDArray[np.bool_],
     columns: NDArray[np.int64] | None = None,
 ) -> Iterator[Block]:
@@ -107,21 +107,21 @@ class CachedFeatures:
         """R, the number of rows."""
         return len(self.values)
 
-    def assign(self, kept_row: NDArray[np.int64]) -> NDArray[np.int64]:
+    def assign(self, earlier_row: NDArray[np.int64]) -> NDArray[np.int64]:
         """Assign a row to every node: its previous row (N,), or a free one for -1.
 
         Returns the nodes with free rows, which :meth:`write` must fill.
         """
         is_free = np.ones(self.n_rows, np.bool_)
-        is_free[kept_row[kept_row >= 0]] = False
-        fresh = np.flatnonzero(kept_row < 0)
+        is_free[earlier_row[earlier_row >= 0]] = False
+        fresh = np.flatnonzero(earlier_row < 0)
         free = np.flatnonzero(is_free)
         if len(free) < len(fresh):
             first = self.n_rows
             n_rows = max(first + len(fresh) - len(free), first + first // 4)
             self.values, self._written = _grown(self.values, n_rows), _grown(self._written, n_rows)
             free = np.append(free, np.arange(first, self.n_rows))
-        self.row_of = kept_row.copy()
+        self.row_of = earlier_row.copy()
         self.row_of[fresh] = free[: len(fresh)]
         return fresh
 

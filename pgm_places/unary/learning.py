@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.folds import map_buildings
+from pgm_places.features.custom import Feature
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import list_learning
@@ -75,7 +76,7 @@ class UnaryLearner:
     # train the lists on a random sample of this many cells of each map
     max_examples_per_map: int | None = None
     # custom features, in addition to the laser's: see :mod:`pgm_places.features.custom`
-    features: tuple[Any, ...] = ()
+    features: tuple[Feature, ...] = ()
     # whether all labelled cells are scored, to train structured methods on
     with_scores: bool = True
     # cache of the laser features of the maps; not used with custom features, whose code may change
@@ -94,7 +95,9 @@ class UnaryLearner:
             feature_cache=self.feature_cache,
         )
         classifier = list_learning.with_explicit_order(self.classifier, cells.truth)
-        laser = self._lists("decision list", classifier, cells, held_out=self._holds_out)
+        # Context features come from held-out scores, too.
+        held_out = self._from_held_out or bool(self.context_m or self.candidates) or self._mixes
+        laser = self._lists("decision list", classifier, cells, held_out=held_out)
         context = self._in_context(laser, classifier) if self.context_m else None
         spaces = None if self.space is None else self._with_spaces(self.space, cells)
         stages = Stages(cells, laser, context, spaces, self.floor)
@@ -154,11 +157,6 @@ class UnaryLearner:
     def _mixes(self) -> bool:
         """Whether the mean of two lists may be needed, for which both are calibrated."""
         return self.space is not None and MIXED in {*self.wanted, *self.candidates}
-
-    @property
-    def _holds_out(self) -> bool:
-        """Whether lists on scans are held out, also for context features from their scores."""
-        return self._from_held_out or bool(self.context_m or self.candidates) or self._mixes
 
     @property
     def _holds_out_others(self) -> bool:

@@ -74,8 +74,8 @@ def fitted_list(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
 
 
 def _fitted(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
-    learned = like(unfitted).fit(rows.features, rows.truth, groups=rows.groups)
-    boosted: BoostedList = learned.boosted_list_
+    fitted = like(unfitted).fit(rows.features, rows.truth, groups=rows.groups)
+    boosted: BoostedList = fitted.boosted_list_
     return boosted
 
 
@@ -258,7 +258,7 @@ class Stages:
             return self.cells.by_map(stage.scores(held_out=held_out))
         assert self.floor is not None
         return [
-            with_floor(log_z, self._seen[m], self.floor, self.cells.layout(m))
+            with_floor(log_z, self._floor_scores[m], self.floor, self.cells.layout(m))
             for m, log_z in enumerate(self.scores("space", held_out=held_out))
         ]
 
@@ -275,7 +275,7 @@ class Stages:
         return LASER_SHARE / hot[0], (1.0 - LASER_SHARE) / hot[1]
 
     @cached_property
-    def _seen(self) -> list[FloorScores]:
+    def _floor_scores(self) -> list[FloorScores]:
         assert self.floor is not None
         return [self.floor.scores(item.grid) for item in self.cells.maps]
 

@@ -2,14 +2,13 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import freeze
 from pgm_places.errors import InputError
-from pgm_places.features.custom import n_columns
+from pgm_places.features.custom import Feature, n_columns
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
@@ -129,7 +128,7 @@ class UnaryModel:
     context_m: tuple[float, ...] = ()
     # the second list, on the same columns followed by context features
     context_classifier: BoostedList | None = field(default=None, repr=False)
-    features: tuple[Any, ...] = ()  # custom features: see :mod:`pgm_places.features.custom`
+    features: tuple[Feature, ...] = ()  # custom features: see :mod:`pgm_places.features.custom`
     # the list with segments, gates and places
     space: SpaceModel | None = field(default=None, repr=False)
     floor: FloorModel | None = field(default=None, repr=False)  # the floor networks

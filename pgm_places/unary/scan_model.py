@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, set_frozen
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.features.custom import MapFeature, feature_values, n_columns
+from pgm_places.features.custom import Feature, MapFeature, feature_values, n_columns
 from pgm_places.features.extraction import ScanExtractor
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
@@ -196,7 +196,7 @@ class ScanModel:
     # columns after all others, such as counts of objects seen by a camera
     extra_names: tuple[str, ...] = ()
     # custom features of scans: see :mod:`pgm_places.features.custom`
-    features: tuple[Any, ...] = ()
+    features: tuple[Feature, ...] = ()
     # whether the features of the spaces around the robot follow those of its scan
     sees_spaces: bool = False
     # The columns that the list uses, ascending.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import row_blocks
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.folds import building_folds
-from pgm_places.features.custom import n_columns
+from pgm_places.features.custom import Feature, n_columns
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import report_stage
@@ -31,7 +31,7 @@ class TrainingCells:
 
     maps: tuple[LabelledMap, ...]
     sensor: Sensor  # the simulated sensor
-    own: tuple[Any, ...]  # custom features: see :mod:`pgm_places.features.custom`
+    own: tuple[Feature, ...]  # custom features: see :mod:`pgm_places.features.custom`
     # truth, groups: (N,) label index of each cell, and the index of its fold
     truth: NDArray[np.int64]
     groups: NDArray[np.int64]
@@ -45,7 +45,7 @@ class TrainingCells:
         cls,
         maps: Sequence[LabelledMap],
         sensor: Sensor,
-        own: tuple[Any, ...] = (),
+        own: tuple[Feature, ...] = (),
         *,
         n_folds: int = 5,
         limit: int | None = None,
@@ -122,7 +122,7 @@ class TrainingCells:
 def training_features(
     maps: Sequence[LabelledMap],
     sensor: Sensor,
-    own: tuple[Any, ...] = (),
+    own: tuple[Feature, ...] = (),
     masks: Sequence[NDArray[np.bool_]] | None = None,
     stored: Sequence[NDArray[np.bool_]] | None = None,
     feature_cache: FeatureTables | None = None,
@@ -160,7 +160,7 @@ def _map_features(
     item: LabelledMap,
     mask: NDArray[np.bool_],
     sensor: Sensor,
-    own: tuple[Any, ...],
+    own: tuple[Feature, ...],
     feature_cache: FeatureTables | None = None,
 ) -> Iterator[Block]:
     stored = None if feature_cache is None else _cached(item, mask, sensor, feature_cache)

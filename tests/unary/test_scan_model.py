@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places import Sensor
 from pgm_places.errors import InputError
+from pgm_places.features.custom import Feature
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.unary.scan_model import ScanModel, ScanScorer
 from tests.refusals import refused
@@ -29,7 +30,7 @@ def scans(n_beams: int) -> NDArray[np.float32]:
     return rng.uniform(0.2, 14.0, (40, n_beams)).astype(np.float32)
 
 
-def model(n_beams: int, n_extra: int, features: tuple[object, ...] = ()) -> ScanModel:
+def model(n_beams: int, n_extra: int, features: tuple[Feature, ...] = ()) -> ScanModel:
     """A list that looks at all kinds of columns."""
     rng = np.random.default_rng(1)
     width = 321 + len(features) + n_extra
@@ -45,7 +46,7 @@ def model(n_beams: int, n_extra: int, features: tuple[object, ...] = ()) -> Scan
 @pytest.mark.parametrize("n_extra", [0, 2])
 @pytest.mark.parametrize("features", [(), (Shortest(),)])
 def test_one_by_one_has_the_bits_of_all_together(
-    n_beams: int, n_extra: int, features: tuple[object, ...]
+    n_beams: int, n_extra: int, features: tuple[Feature, ...]
 ) -> None:
     built, circles = model(n_beams, n_extra, features), scans(n_beams)
     extra = np.random.default_rng(2).poisson(1.0, (40, n_extra)) if n_extra else None
