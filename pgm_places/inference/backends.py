@@ -249,11 +249,11 @@ def reordered(problem: LabelingProblem, order: NDArray[np.int64]) -> LabelingPro
     )
 
 
-def reordered_potentials(given: Potentials, order: NDArray[np.int64]) -> Potentials:
+def reordered_potentials(potentials: Potentials, order: NDArray[np.int64]) -> Potentials:
     """The potentials with label ``order[k]`` at index k."""
-    tables, earned = given.pairwise, given.agreement
+    tables, earned = potentials.pairwise, potentials.agreement
     return Potentials(
-        given.unary[:, order],
+        potentials.unary[:, order],
         None if tables is None else tables[..., order, :][..., order],
         None if earned is None else earned[:, order],
     )

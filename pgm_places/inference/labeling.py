@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -310,7 +309,7 @@ def normalized_entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64
     return np.clip(share, 0.0, 1.0, out=share)
 
 
-def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:
+def keep_evidence(problem: LabelingProblem, labeling: Labeling) -> Labeling:
     """Enforce known and forbidden labels on the labelling of any method.
 
     All methods of the package respect evidence, so that it influences neighbours, too; their
@@ -329,27 +328,27 @@ def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:
     """
     nodes = np.flatnonzero(problem.evidence)
     if not len(nodes):
-        return given
+        return labeling
     preferred = _preferred(problem, nodes)
     allowed = preferred > -np.inf
-    all_beliefs = given.beliefs
+    all_beliefs = labeling.beliefs
     beliefs = None if all_beliefs is None else all_beliefs[nodes]
-    labels = given.labels[nodes]
+    labels = labeling.labels[nodes]
     breaks = ~allowed[np.arange(len(nodes)), labels]
     if not breaks.any() and (beliefs is None or not beliefs[~allowed].any()):
-        return given
+        return labeling
     if all_beliefs is not None and beliefs is not None:
         beliefs = np.where(allowed, beliefs, 0)
         beliefs = np.where(beliefs.any(axis=1, keepdims=True), beliefs, allowed)
         beliefs = beliefs / beliefs.sum(axis=1, keepdims=True)
         tied = beliefs == beliefs.max(axis=1, keepdims=True)
         preferred = np.where(tied, preferred, -np.inf)
-        given = dataclasses.replace(given, beliefs=_with_rows(all_beliefs, nodes, beliefs))
+        labeling = replace(labeling, beliefs=_with_rows(all_beliefs, nodes, beliefs))
     if not breaks.any():
-        return given
+        return labeling
     best = np.where(breaks, preferred.argmax(axis=1), labels)
-    labels = _with_rows(given.labels, nodes, best)
-    return dataclasses.replace(given, labels=labels, status=Status.REPAIRED, score=None, bound=None)
+    labels = _with_rows(labeling.labels, nodes, best)
+    return replace(labeling, labels=labels, status=Status.REPAIRED, score=None, bound=None)
 
 
 def _preferred(problem: LabelingProblem, nodes: NDArray[np.int64]) -> NDArray[np.float64]:

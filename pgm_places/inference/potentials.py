@@ -47,13 +47,13 @@ def with_unseen_rows(
 
 
 def with_unseen_nodes(
-    unary: ArrayLike, given: ArrayLike | None, n_nodes: int, n_labels: int
+    unary: ArrayLike, further: ArrayLike | None, n_nodes: int, n_labels: int
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
     """:func:`with_unseen_rows` for a unary with an optional mask (N,) of further unseen nodes."""
     array, unseen = with_unseen_rows("unary", unary, n_nodes, n_labels)
-    if given is None:
+    if further is None:
         return array, unseen
-    mask = np.asarray(given)
+    mask = np.asarray(further)
     if mask.dtype != np.bool_ or mask.shape != (n_nodes,):
         raise InputError(
             f"unseen must be a mask of shape ({n_nodes},), got {mask.dtype} of shape {mask.shape}"

@@ -120,12 +120,12 @@ class JointGraph:
             return of_cells
         return np.concatenate([of_cells, self.segments.majority(of_steps, n_labels)])
 
-    def split(self, whole: Labeling) -> JointLabeling:
+    def split(self, labeling: Labeling) -> JointLabeling:
         """Split a labelling into the map's cells and the drive's steps."""
         n, segments = self.n_cells, self.segments
-        cells = None if self.cells is None else whole.part(np.arange(n))
-        steps = None if segments is None else whole.part(n + segments.of_step)
-        return JointLabeling(whole, cells, steps)
+        cells = None if self.cells is None else labeling.part(np.arange(n))
+        steps = None if segments is None else labeling.part(n + segments.of_step)
+        return JointLabeling(labeling, cells, steps)
 
 
 class JointScores(NamedTuple):

@@ -335,8 +335,8 @@ def whole_layout(layout: GridLayout, window: KnownWindow, grid: OccupancyGrid) -
     assert isinstance(source, OccupancyGrid)
     coarse = window.coarser(source.resolution_m / grid.resolution_m)
     cells = coarse.paste(source.cells, UNKNOWN)
-    whole = OccupancyGrid(cells, source.resolution_m, grid.origin_xy_m, grid.yaw_rad)
-    return GridLayout.of_mask(freeze(coarse.paste(layout.mask(), False)), whole)
+    complete = OccupancyGrid(cells, source.resolution_m, grid.origin_xy_m, grid.yaw_rad)
+    return GridLayout.of_mask(freeze(coarse.paste(layout.mask(), False)), complete)
 
 
 def whole_doorways(

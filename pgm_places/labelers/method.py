@@ -69,7 +69,7 @@ class PlaceMethod:
 
 
 def place_methods(
-    given: Mapping[str, Any] | Sequence[str],
+    methods: Mapping[str, Any] | Sequence[str],
     has_context: bool,
     has_spaces: bool,
     has_networks: bool = False,
@@ -79,12 +79,12 @@ def place_methods(
 
     ConfigError if there is no method, or one needs scores that the labeler does not compute.
     """
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise ConfigError(f"methods must be a mapping or a list of names, got {quoted(given)}")
-    named = given if isinstance(given, Mapping) else {name: name for name in given}
+    if isinstance(methods, str) or not isinstance(methods, Iterable):
+        raise ConfigError(f"methods must be a mapping or a list of names, got {quoted(methods)}")
+    named = methods if isinstance(methods, Mapping) else {name: name for name in methods}
     if not named:
         raise ConfigError("a labeler needs at least one method")
-    methods = {}
+    built = {}
     for name, entry in named.items():
         method = entry if isinstance(entry, PlaceMethod) else PlaceMethod(entry)
         method = with_unary({name: method}, unary)[name]
@@ -98,8 +98,8 @@ def place_methods(
             missing = "floor is None; give the networks, for example floor=trained_floor()"
         if missing:
             raise ConfigError(f"method {name!r} needs unary={method.unary!r} but {missing}")
-        methods[name] = method
-    return methods
+        built[name] = method
+    return built
 
 
 def with_unary(methods: Mapping[str, PlaceMethod], unary: str) -> dict[str, PlaceMethod]:
