@@ -122,6 +122,13 @@ def log_partitions(
 ) -> list[ValueAndGradient]:
     """:func:`log_partition` of many graphs; those without cycles in one pass.
 
+    Parameters
+    ----------
+    graphs, potentials : sequences of equal length
+        A graph and its potentials for each problem; numbers of nodes may differ.
+    method : {"auto", "exact", "trees", "mean-field"}
+        As of :func:`log_partition`.
+
     Raises
     ------
     InputError
