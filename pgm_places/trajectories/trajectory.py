@@ -230,10 +230,10 @@ class Trajectory(Plotted):
             elif index.size == 0:
                 index = np.empty(0, np.int64)
             index = integer_array("steps", index, ("S",), low=0, high=max(len(self), 1))
-        of_steps = ("times_s", "poses", "ranges_m", "labels", "odometry")
-        given = {name: getattr(self, name) for name in of_steps}
-        kept = {name: rows[index] for name, rows in given.items() if rows is not None}
-        return replace(self, **kept)
+        names = ("times_s", "poses", "ranges_m", "labels", "odometry")
+        columns = {name: getattr(self, name) for name in names}
+        chosen = {name: rows[index] for name, rows in columns.items() if rows is not None}
+        return replace(self, **chosen)
 
     def __getitem__(self, steps: slice) -> Self:
         return self.subset(steps)

@@ -185,11 +185,6 @@ def lif_layout(
     return {"metaInformation": about, "layouts": [layout]}
 
 
-def write_lif(folder: Path, topology: TopologicalMap, routes: RouteGraph, *, name: str) -> Path:
-    """Write the layout; returns the path."""
-    return write_json(folder / LIF_FILE, lif_layout(topology, routes, name=name), indent=1)
-
-
 _TRANSFORMATION, _GEO_KEYS, _NO_DATA = 34264, 34735, 42113
 # Key directory 1.1.0: a plane (1024: 1), pixels are areas (1025: 1), EPSG 3857, metres (3072).
 _KEYS = (1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, 3857)
@@ -370,7 +365,8 @@ def export(
             return write_coverage(folder, topology, radius)
         routes = route_graph(topology, robot_radius_m=radius)
         if to == "lif":
-            return [write_lif(folder, topology, routes, name=name)]
+            layout = lif_layout(topology, routes, name=name)
+            return [write_json(folder / LIF_FILE, layout, indent=1)]
         earlier = (lies_in or folder) / ROUTE_FILE
         return [write_nav2_route(folder / ROUTE_FILE, topology, routes, earlier=earlier)]
     return write_filter_mask(

@@ -70,16 +70,16 @@ def filter_parameters(
 
     Examples
     --------
-    >>> found = filter_parameters("keepout", "keepout", Path("/maps/keepout.yaml"))
-    >>> list(found)
+    >>> nodes = filter_parameters("keepout", "keepout", Path("/maps/keepout.yaml"))
+    >>> list(nodes)
     ['filter_mask_server', 'costmap_filter_info_server', 'global_costmap', 'local_costmap']
-    >>> found["filter_mask_server"]["ros__parameters"]
+    >>> nodes["filter_mask_server"]["ros__parameters"]
     {'topic_name': '/keepout_mask', 'yaml_filename': '/maps/keepout.yaml'}
     """
     topic = f"/{name.replace('-', '_')}_mask"
     filter_name, plugin, output, costmaps = _FILTERS[kind]
     info = {"filter_info_topic": f"{topic}_info"}
-    found = {
+    nodes = {
         "filter_mask_server": _node(topic_name=topic, yaml_filename=str(mask_yaml)),
         "costmap_filter_info_server": _node(
             type=TYPES[kind], **info, mask_topic=topic, base=0.0, multiplier=float(multiplier)
@@ -91,10 +91,10 @@ def filter_parameters(
             of_filter["states"] = list(states)
             of_filter |= {state: {"id": value} for state, value in states.items()}
         filters = _node(filters=[filter_name], **{filter_name: of_filter})
-        found[f"{costmap}_costmap"] = {f"{costmap}_costmap": filters}
+        nodes[f"{costmap}_costmap"] = {f"{costmap}_costmap": filters}
     if kind.startswith("speed"):
-        found["controller_server"] = _node(**_LIMIT)
-    return found
+        nodes["controller_server"] = _node(**_LIMIT)
+    return nodes
 
 
 def _node(**parameters: Any) -> dict[str, Any]:
@@ -186,11 +186,11 @@ def write_filter_mask(
     named = {number: _state_name(topology, coded, number) for number in np.unique(mask).tolist()}
     home, states = lies_in or target.parent, {s: number for number, s in named.items() if number}
     mask_yaml = home.resolve() / yaml_path.name
-    found = filter_parameters(kind, target.name, mask_yaml, multiplier=multiplier, states=states)
+    nodes = filter_parameters(kind, target.name, mask_yaml, multiplier=multiplier, states=states)
     if parameters is not None:
-        parameters.update(found)
+        parameters.update(nodes)
         return [image_path, yaml_path]
-    listed = yaml.safe_dump(found, sort_keys=False, allow_unicode=True)
+    listed = yaml.safe_dump(nodes, sort_keys=False, allow_unicode=True)
     by_name = _named(topology, None) if values is None else values
     legend = ", ".join(f"{value:g} {escape_control(name)}" for name, value in by_name.items())
     text = f"# values: 0 nothing, {legend}\n{listed}"
@@ -245,7 +245,7 @@ def _state_name(topology: TopologicalMap, values: Mapping[str, int] | None, numb
 
 
 def _named(topology: TopologicalMap, values: Mapping[str, int] | None) -> Mapping[str, int]:
-    """Values by name: the classes' numbers from 1 where none are given."""
+    """Values by name: by default the classes' numbers from 1."""
     if values is not None:
         return values
     return {label: k + 1 for k, label in enumerate(topology.label_names)}

@@ -240,22 +240,22 @@ def merge(into, values, relative):
 
 def parameters(context):
     """The robot's parameters with those of this folder, in a temporary file."""
-    found = read(LaunchConfiguration("params_file").perform(context))
+    values = read(LaunchConfiguration("params_file").perform(context))
     namespace = LaunchConfiguration("namespace").perform(context)
-    merge(found, read(os.path.join(FOLDER, {parameters!r})), relative=bool(namespace))
+    merge(values, read(os.path.join(FOLDER, {parameters!r})), relative=bool(namespace))
     if "graph" in FILES:
-        follow_graph(found)
+        follow_graph(values)
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
-        yaml.safe_dump(found, file, sort_keys=False)
+        yaml.safe_dump(values, file, sort_keys=False)
     return file.name
 
 
-def follow_graph(found):
+def follow_graph(values):
     """Let NavigateToPose follow the route graph, by Nav2's own tree and a smoother for it."""
-    navigator = found.setdefault("bt_navigator", {{}}).setdefault("ros__parameters", {{}})
+    navigator = values.setdefault("bt_navigator", {{}}).setdefault("ros__parameters", {{}})
     trees = os.path.join(get_package_share_directory("nav2_bt_navigator"), "behavior_trees")
     navigator["default_nav_to_pose_bt_xml"] = os.path.join(trees, TREE)
-    smoother = found.setdefault("smoother_server", {{}}).setdefault("ros__parameters", {{}})
+    smoother = values.setdefault("smoother_server", {{}}).setdefault("ros__parameters", {{}})
     if "route_smoother" not in smoother:  # which the behaviour tree asks for
         plugins = smoother.setdefault("smoother_plugins", [])
         smoother["smoother_plugins"] = [*plugins, "route_smoother"]
@@ -264,14 +264,14 @@ def follow_graph(found):
 
 def started(context):
     bringup = os.path.join(get_package_share_directory("nav2_bringup"), "launch")
-    given = {{name: os.path.join(FOLDER, file) for name, file in FILES.items()}}
-    given["use_keepout_zones"] = str("keepout_mask" in FILES)
-    given["use_speed_zones"] = str("speed_mask" in FILES)
-    given["params_file"] = parameters(context)
+    arguments = {{name: os.path.join(FOLDER, file) for name, file in FILES.items()}}
+    arguments["use_keepout_zones"] = str("keepout_mask" in FILES)
+    arguments["use_speed_zones"] = str("speed_mask" in FILES)
+    arguments["params_file"] = parameters(context)
     for name in ("namespace", "use_sim_time"):
-        given[name] = LaunchConfiguration(name).perform(context)
+        arguments[name] = LaunchConfiguration(name).perform(context)
     source = PythonLaunchDescriptionSource(os.path.join(bringup, "bringup_launch.py"))
-    return [IncludeLaunchDescription(source, launch_arguments=given.items())]
+    return [IncludeLaunchDescription(source, launch_arguments=arguments.items())]
 
 
 def generate_launch_description():
