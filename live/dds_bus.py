@@ -74,12 +74,6 @@ class DdsNetwork:
 
         It is passed as an argument and not set in the environment, where child processes would
         inherit it.
-
-        Raises
-        ------
-        ConfigError
-            An interface or peers are named although the user's variable is set, or with
-            ``local_only``; or a name is empty.
         """
         users = (os.environ if environment is None else environment).get(VARIABLE, "").strip()
         flags = {"--interface": bool(self.interface), "--peer": bool(self.peers)}
@@ -140,21 +134,7 @@ _OTHERWISE = {"bool": bool, "string": str}
 
 
 class DdsBus:
-    """A participant of a DDS domain that reads and writes bytes of ROS messages.
-
-    Parameters
-    ----------
-    domain : int
-        As ROS_DOMAIN_ID.
-    network : DdsNetwork, optional
-
-    Raises
-    ------
-    InputError
-        The extra ``dds`` is not installed.
-    ConfigError
-        Cyclone does not start with this network.
-    """
+    """A participant of a DDS domain (ROS_DOMAIN_ID) that reads and writes bytes of ROS messages."""
 
     def __init__(self, domain: int, network: DdsNetwork | None = None) -> None:
         network = network or DdsNetwork()
@@ -179,20 +159,9 @@ class DdsBus:
         transient_local: bool = False,
         depth: int = 10,
     ) -> None:
-        """Subscribe to a topic.
+        """Subscribe to a topic by its ROS name from the root; :meth:`take` passes ``what`` on.
 
-        Parameters
-        ----------
-        what : str
-            A key of ``TYPES``, which :meth:`take` passes on.
-        topic : str
-            Its ROS name, from the root.
-        reliable : bool
-            Whether lost messages are sent again.
-        transient_local : bool
-            Whether earlier messages are requested (transient local).
-        depth : int
-            How many messages wait to be taken.
+        ``depth`` messages wait to be taken; with ``transient_local``, earlier ones are requested.
         """
         subs = needed("cyclonedds.sub", extra="dds", purpose=PURPOSE)
         entity, qos = self._topic(

@@ -20,14 +20,7 @@ LONELY_AFTER_S = 5.0
 
 
 class DdsNode:
-    """Reads a robot's topics, and publishes its places.
-
-    Parameters
-    ----------
-    finder, service, complain, options, live, on_place
-        As of :class:`~pgm_places.live.live_node.LiveNode`.
-    network : DdsNetwork, optional
-    """
+    """Reads a robot's topics and publishes its places: a ``LiveNode`` on DDS."""
 
     def __init__(
         self,

@@ -18,18 +18,8 @@ FRESH_S = 10.0
 class Health:
     """Counters and recent complaints of a live node.
 
-    Parameters
-    ----------
-    n_placed, n_dropped, n_maps : int
-        Numbers of scans with a published place, of dropped scans, and of labelled maps.
-    reports : dict of str to (float, str)
-        Time of the last complaint of each kind, on the clock of ``status``, and its text.
-    last : FoundPlace or None
-        The latest place.
-    heard_s : float
-        Time of the last scan.
-    silent_s : float
-        Without scans for longer than this, the level is an error.
+    ``reports`` has the time of the last complaint of each kind, on the clock of ``status``, and its
+    text. Without scans for longer than ``silent_s``, the level is an error.
     """
 
     n_placed: int = 0
@@ -55,17 +45,9 @@ class Health:
         return OK, self.last.label if region is None else region.name
 
     def status(self, codec: RosCodec, name: str, now_s: float, clock_s: float) -> bytes:
-        """The bytes of a ``diagnostic_msgs/DiagnosticArray``.
+        """The bytes of a ``diagnostic_msgs/DiagnosticArray`` with the stamp ``clock_s``.
 
-        Parameters
-        ----------
-        codec : RosCodec
-        name : str
-            Name of the diagnosed component.
-        now_s : float
-            The time on the clock of complaints.
-        clock_s : float
-            The stamp of the message.
+        ``now_s`` is the time on the clock of complaints.
         """
         level, text = self.level(now_s)
         since = "never" if self.heard_s == -inf else f"{now_s - self.heard_s:.1f}"

@@ -12,13 +12,7 @@ class LatestMap:
     """Stores the last ``nav_msgs/OccupancyGrid`` and applies ``map_msgs/OccupancyGridUpdate``s.
 
     An update is a rectangle of cells that replaces cells of the map. A map is neither decoded nor
-    copied until an update comes.
-
-    Parameters
-    ----------
-    codec : RosCodec
-    frame : str
-        The required frame of maps; maps without a frame are accepted.
+    copied until an update comes. Maps must be in ``frame``, or without a frame.
     """
 
     def __init__(self, codec: RosCodec, frame: str) -> None:
@@ -27,13 +21,7 @@ class LatestMap:
         self._message: Any = None
 
     def take(self, raw: bytes) -> None:
-        """Replace the map.
-
-        Raises
-        ------
-        InputError
-            It is in another frame. The previous map stays.
-        """
+        """Replace the map."""
         try:
             message = self._codec.read(raw, "map")
         except InputError:
@@ -43,13 +31,7 @@ class LatestMap:
         self._raw, self._message = raw, None
 
     def update(self, raw: bytes) -> None:
-        """Apply an update of a part of the map.
-
-        Raises
-        ------
-        InputError
-            It cannot be read, is in another frame, or is no part of the map.
-        """
+        """Apply an update of a part of the map."""
         update = self._codec.read(raw, "map_updates")
         self._check_frame(update)
         if self._message is None:

@@ -49,21 +49,9 @@ class LiveNode:
     An adapter passes on received messages (:meth:`take`), calls :meth:`turn` regularly, and sends
     the published bytes. The node reads no clock: all times come from messages and calls. The
     waiting time of a scan is measured on the clock of the calls, because the stamp of a transform
-    may lie in the future.
-
-    Parameters
-    ----------
-    finder : PlaceFinder
-    service : MapLabellingService
-        The service that labels the maps.
-    publish : callable
-        Called with a key of ``ros_codec.OUTPUTS`` and the bytes of a message.
-    complain : callable
-        Called with one line for each problem; each kind at most once in ten seconds.
-    options : NodeOptions, optional
-    live : LiveOptions, optional
-    on_place : callable, optional
-        Called with the place of each scan.
+    may lie in the future. ``publish`` gets a key of ``ros_codec.OUTPUTS`` and the bytes;
+    ``complain`` a line for each problem, each kind at most once in ten seconds; ``on_place`` the
+    place of each scan.
     """
 
     def __init__(
@@ -96,17 +84,10 @@ class LiveNode:
     def take(
         self, what: str, raw: bytes, *, clock_s: float | None = None, now_s: float | None = None
     ) -> None:
-        """Process a received message.
+        """Process a received message: a scan, map, map_updates, tf, tf_static or odom, as CDR.
 
-        Parameters
-        ----------
-        what : {"scan", "map", "map_updates", "tf", "tf_static", "odom"}
-        raw : bytes
-            The serialised message (CDR).
-        clock_s : float, optional
-            The time on the clock of the stamps, to detect late scans.
-        now_s : float, optional
-            The time on the clock of :meth:`turn`; by default that of its last call.
+        ``clock_s`` is the time on the clock of the stamps, to detect late scans; ``now_s`` the time
+        on the clock of :meth:`turn`, by default that of its last call.
         """
         self._now_s = self._now_s if now_s is None else max(now_s, self._now_s)
         if clock_s is not None:

@@ -37,14 +37,7 @@ from pgm_places.topology.place_ids import PlaceIds
 
 @dataclass(frozen=True, eq=False)
 class LabelledMapMessages:
-    """A labelled map: the view for look-ups, and the messages to publish.
-
-    Parameters
-    ----------
-    view : MapView
-    messages : mapping of str to bytes
-        The messages of ``SHOWN``, ready to be sent.
-    """
+    """A labelled map: the view for look-ups, and the messages of ``SHOWN``, ready to be sent."""
 
     view: MapView
     messages: Mapping[str, bytes]
@@ -63,24 +56,13 @@ class LabelledMapMessages:
 
 
 class MapLabeller:
-    """Labels the maps of one robot from the bytes of messages.
-
-    Parameters
-    ----------
-    live_map : LiveMap
-    """
+    """Labels the maps of one robot from the bytes of messages."""
 
     def __init__(self, live_map: LiveMap) -> None:
         self._live_map, self._codec = live_map, RosCodec()
 
     def label(self, raw: bytes) -> LabelledMapMessages:
-        """The labelled map of a ``nav_msgs/OccupancyGrid``.
-
-        Raises
-        ------
-        InputError
-            The map cannot be read or labelled; the previous one stays current.
-        """
+        """The labelled map of a ``nav_msgs/OccupancyGrid``."""
         message = self._codec.read(raw, "map")
         found = self._live_map.on_map(grid_of_message(message))
         for warning in found.warnings:
@@ -183,26 +165,10 @@ class MapLabellingService(Protocol):
 
 
 class MapProcess:
-    """A second process that labels maps.
+    """A second process that labels maps, on all cores but one by default.
 
-    If it ends, it is restarted with the map that it was labelling. Its places are stored in a file,
-    so that they keep their ids.
-
-    Parameters
-    ----------
-    model : str
-        Folder or name of the model.
-    method : str, optional
-        The model's default method if not given.
-    n_threads : int, optional
-        All cores but one by default.
-    session : Path, optional
-        File of the places of earlier sessions, whose ids are continued; updated with every map.
-
-    Raises
-    ------
-    InputError
-        The file is not a session file.
+    If it ends, it is restarted with the map that it was labelling. The places are stored in the
+    file ``session`` with every map, so that they keep their ids.
     """
 
     def __init__(

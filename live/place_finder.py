@@ -23,13 +23,7 @@ _ARRAYS = ("number", "rows", "shares", "region")
 
 
 class MapFrame(NamedTuple):
-    """The frame of a map's cells, as in :class:`~pgm_places.maps.occupancy_grid.OccupancyGrid`.
-
-    Parameters
-    ----------
-    resolution_m, x_m, y_m, yaw_rad : float
-    n_rows, n_columns : int
-    """
+    """The frame of a map's cells, as in :class:`~pgm_places.maps.occupancy_grid.OccupancyGrid`."""
 
     resolution_m: float
     x_m: float
@@ -82,21 +76,9 @@ class MapView:
     opened again, its arrays are read from the file on access, so that a process with limits of
     milliseconds can switch to the next map at once.
 
-    Parameters
-    ----------
-    map_seq : int
-        Number of the map, from 1.
-    frame : MapFrame
-    number : (H, W) int32
-        Row of each cell in ``rows``, -1 for cells without probabilities.
-    rows : (N, K) float32
-        Probabilities of the labels.
-    shares : (K,) float64
-        Frequency of each label.
-    region : (H, W) int32
-        Id of the place at each cell, 0 for none.
-    places : mapping of int to PlaceOfMap
-        By id.
+    ``number`` (H, W) is the row of each cell in ``rows`` (N, K), the probabilities of the labels;
+    -1 for cells without. ``shares`` (K,) are the labels' frequencies; ``region`` (H, W) are ids in
+    ``places``, 0 for none.
     """
 
     map_seq: int
@@ -181,24 +163,11 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class FoundPlace:
-    """The place of a scan.
+    """The place of a scan: label and probabilities from the laser and the map, and the map's place.
 
-    Parameters
-    ----------
-    time_s : float
-        The stamp of the scan.
-    pose : tuple of 3 float
-        x, y in metres and heading in radians of the robot, in the frame of the map.
-    label : str
-        The most probable label, from the laser and the labelled map.
-    beliefs : mapping of str to float
-        The probability of each label.
-    region : PlaceOfMap or None
-        The place of the labelled map at the robot's position.
-    map_seq : int
-        Number of that map, 0 before the first.
-    changed : bool
-        Whether the place or label differs from the last reported one, for long enough.
+    ``pose`` is x, y (m) and heading (rad) of the robot in the frame of the map. ``map_seq`` is 0
+    before the first map. ``changed``: the place or label has differed from the last reported one
+    for long enough.
     """
 
     time_s: float
@@ -233,12 +202,8 @@ class FoundPlace:
 class PlaceFinder:
     """Finds the label and the place of each scan of one robot, online.
 
-    Parameters
-    ----------
-    labeler : TrajectoryLabeler
-        Fitted, with a hidden Markov model. If its labels are those of the labelled map, the map's
-        probabilities are used, too.
-    options : LiveOptions, optional
+    The labeler is fitted and has a hidden Markov model. If its labels are those of the labelled
+    map, the map's probabilities are used, too.
     """
 
     def __init__(self, labeler: TrajectoryLabeler, options: LiveOptions | None = None) -> None:
@@ -270,17 +235,11 @@ class PlaceFinder:
     def step(
         self, scan: Scan, robot: NDArray[np.float64] | None = None, *, now_s: float | None = None
     ) -> FoundPlace:
-        """The place of the next scan.
+        """The place of the next scan, whose pose is that of the laser in the frame of the map.
 
-        Parameters
-        ----------
-        scan : Scan
-            With the pose of the laser in the frame of the map. A scan with other beams than the
-            previous one resets the filter.
-        robot : (3,) float, optional
-            The pose of the robot, if it differs from that of the laser.
-        now_s : float, optional
-            The time for durations of places; the stamp of the scan by default.
+        A scan with other beams than the previous one resets the filter. ``robot`` (3,) is the
+        robot's pose if it differs. ``now_s`` measures durations of places, by default the scan's
+        stamp.
         """
         known = self._geometry
         if self._online is None or known is None or not scan.geometry.same_as(known):

@@ -28,22 +28,8 @@ class Replay:
 
     A live node labels maps in parallel to the scans, with some delay. In a replay, each scan uses
     all maps sent before it, so that results are equal on every machine.
-    In a log with unusable stamps, a metre driven counts as a second.
-
-    Parameters
-    ----------
-    drive : Trajectory
-        With scans.
-    finder : PlaceFinder
-    live_map : LiveMap
-    options : LiveOptions
-    maps : sequence of MapMessage
-        The recorded maps, in the frame of the poses. Without any, a map is drawn from the scans.
-
-    Raises
-    ------
-    LogError
-        There are no scans.
+    In a log with unusable stamps, a metre driven counts as a second. Recorded maps are in the frame
+    of the poses; without any, a map is drawn from the scans.
     """
 
     drive: Trajectory

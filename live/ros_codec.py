@@ -91,16 +91,9 @@ SHOWN = ("label_map", "markers", "topology", "places")
 
 
 class OutputTopic(NamedTuple):
-    """The topic and quality of service of an output.
+    """An output's topic, below the namespace unless it begins with a slash, and quality of service.
 
-    Parameters
-    ----------
-    topic : str
-        Below the output namespace, unless it begins with a slash.
-    transient_local : bool
-        Whether late subscribers receive the last message.
-    depth : int
-        How many messages wait to be sent.
+    ``depth`` messages wait to be sent; with ``transient_local``, late subscribers get the last one.
     """
 
     topic: str
@@ -118,13 +111,7 @@ OUTPUTS = {
 
 
 class RosCodec:
-    """Decodes and encodes messages (CDR, the format on the wire and in bags).
-
-    Raises
-    ------
-    InputError
-        The extra ``bags`` is not installed.
-    """
+    """Decodes and encodes messages (CDR, the format on the wire and in bags)."""
 
     def __init__(self) -> None:
         typesys = needed("rosbags.typesys", extra="bags", purpose="speaking to a robot")
@@ -134,13 +121,7 @@ class RosCodec:
             self.store.register(typesys.get_types_from_msg(text, kind))
 
     def read(self, raw: bytes, what: str) -> Any:
-        """Decode a message of the type ``what`` in ``TYPES``.
-
-        Raises
-        ------
-        InputError
-            The bytes are not a message of that type.
-        """
+        """Decode a message of the type ``what`` in ``TYPES``."""
         try:
             return self.store.deserialize_cdr(raw, TYPES[what])
         except Exception as error:  # damaged bytes can raise any exception in the reader

@@ -51,12 +51,9 @@ def digest(session: MapSession, content: Content, paint: Paint, *, learns: bool)
 
 
 class ExportRecord:
-    """The exports of a painting: by folder and name, their digest and the SHA-256 of their files.
+    """The exports of a painting in a file: by folder and name, a digest and the files' SHA-256.
 
-    Parameters
-    ----------
-    path : Path
-        Its file. Where it is missing or damaged, no export counts as up to date.
+    Where the file is missing or damaged, no export counts as up to date.
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,13 +65,7 @@ class ExportRecord:
         self._folders: dict[str, Any] = record if isinstance(record, dict) else {}
 
     def note(self, folder: Path, name: str, state: str, written: Iterable[Path]) -> None:
-        """Record an export that was written from a state; "" for an unknown one.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written.
-        """
+        """Record an export that was written from a state; "" for an unknown one."""
         files = (each for path in written for each in (path.iterdir() if path.is_dir() else [path]))
         sums = {path.relative_to(folder).as_posix(): sha256_of(path) for path in files}
         here = self._folders.setdefault(str(folder.resolve()), {})
@@ -82,13 +73,7 @@ class ExportRecord:
         write_json(self.path, self._folders, indent=1)
 
     def note_names(self, folder: Path, names: Mapping[int, str]) -> None:
-        """Record the studio's names of places, by id, in a folder.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written.
-        """
+        """Record the studio's names of places, by id, in a folder."""
         self._folders.setdefault(str(folder.resolve()), {})[_NAMES] = dict(names)
         write_json(self.path, self._folders, indent=1)
 
@@ -120,16 +105,9 @@ MOST_OFFERED = 60
 
 @dataclass(frozen=True)
 class ExportFolders:
-    """The folders into which a studio may export.
+    """The folders into which a studio may export, relative to the working folder.
 
-    Parameters
-    ----------
-    working : Path
-        The folder in which the studio was started; names are relative to it.
-    extra : sequence of Path
-        Further folders, from the command line.
-    inputs : frozenset of Path
-        Files and folders that the studio reads; exports never overwrite them.
+    ``extra`` folders come from the command line; ``inputs`` are never overwritten.
     """
 
     working: Path
@@ -146,13 +124,7 @@ class ExportFolders:
         )
 
     def chosen(self, text: str, own: Path) -> Path:
-        """The folder of that name, which need not exist yet; ``own`` for an empty name.
-
-        Raises
-        ------
-        InputError
-            The studio may not export into that folder.
-        """
+        """The folder of that name, which need not exist yet; ``own`` for an empty name."""
         if not text.strip():
             return own
         if len(text) > LONGEST or not text.isprintable():

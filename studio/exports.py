@@ -52,22 +52,10 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 @dataclass(frozen=True)
 class Export:
-    """A kind of export.
+    """A kind of export: its title, the files it always and sometimes writes, and its inputs.
 
-    Parameters
-    ----------
-    words : str
-        Its name in the browser.
-    files : tuple of str
-        Names of the files that it always writes.
-    write : callable
-        Writes it for a session into a staging folder; returns the paths.
-    more : tuple of str
-        Names of further files that it may write.
-    content : Content
-        Its inputs.
-    per_class : bool
-        Whether it also writes the probabilities of each class.
+    ``write`` takes a session, a staging folder and the final folder, and returns the paths.
+    ``per_class`` adds a file of probabilities for each class.
     """
 
     words: str
@@ -89,11 +77,6 @@ def exports_record(session: MapSession, folders: ExportFolders, chosen: str = ""
     """A folder, and for each export its files, whether they exist, and whether they are outdated.
 
     As plain data for the browser.
-
-    Raises
-    ------
-    InputError
-        Nothing may be written into the chosen folder.
     """
     folder = folders.chosen(chosen, session.folder)
     record, now = ExportRecord(session.folder / RECORD_FILE), session.question
@@ -131,13 +114,6 @@ def write_export(
     """Write an export into the session's folder, or into a chosen one; the paths.
 
     With ``replaced``, existing files that it does not list are not overwritten.
-
-    Raises
-    ------
-    InputError
-        There is no such export, or nothing to write yet; nothing may be written there.
-    OutputError
-        A file cannot be written.
     """
     if name not in EXPORTS:
         raise InputError(f"there is no export {name[:40]!r}; there are {', '.join(EXPORTS)}")
@@ -166,13 +142,6 @@ def edit_with_exports(session: MapSession, request: Mapping[str, object]) -> str
     """Carry out an edit; a new name of a place is written into the exports that are up to date.
 
     All files in the session's folder change at once, or none.
-
-    Raises
-    ------
-    InputError
-        The edit is refused; nothing has changed then.
-    OutputError
-        A file cannot be written.
     """
     if request.get("kind") != "rename":
         return session.edit(request)

@@ -24,19 +24,9 @@ MAX_HEADER_BYTES = 1 << 16
 
 
 class Journal:
-    """An open journal, which locks its file.
+    """An open journal, which locks its file; ``entries`` are those at the time of opening.
 
-    Parameters
-    ----------
-    path : Path
-        The file; made where it is missing.
-    subject : dict
-        The map that the edits belong to. A journal of another map is refused.
-
-    Attributes
-    ----------
-    entries : list of dict
-        The entries in the file when it was opened.
+    ``subject`` is the map that the edits belong to; a journal of another map is refused.
     """
 
     entries: list[dict[str, Any]]
@@ -56,13 +46,7 @@ class Journal:
             raise
 
     def append(self, entry: dict[str, Any]) -> None:
-        """Write an entry, and return once it is on the disk.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written, or another program has written to it.
-        """
+        """Write an entry, and return once it is on the disk."""
         if self.was_changed():
             raise OutputError(f"{self.path} was changed by another program; restart the studio")
         line = _line(entry)
@@ -144,13 +128,7 @@ def _is_begun(torn: bytes, header: dict[str, object]) -> bool:
 
 
 def subject_of(path: Path) -> dict[str, object] | None:
-    """The map that the edits of a journal belong to; None without a journal or a complete line.
-
-    Raises
-    ------
-    InputError
-        The file is not a journal.
-    """
+    """The map that the edits of a journal belong to; None without a journal or a complete line."""
     try:
         with path.open("rb") as file:
             line = file.readline(MAX_HEADER_BYTES)
@@ -175,13 +153,7 @@ def _entry(path: Path, number: int, line: bytes) -> dict[str, object]:
 
 
 class SourceFile:
-    """A file as it was when the studio began.
-
-    Attributes
-    ----------
-    sha256 : str
-        Of its content.
-    """
+    """A file as it was when the studio began."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.sha256 = path, sha256_of(path)

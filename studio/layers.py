@@ -32,18 +32,12 @@ def n_levels(shape: tuple[int, int]) -> int:
 
 
 class Pyramid:
-    """Tiles of a raster, the top row of the picture first.
+    """Tiles of a raster (H, W), the top row of the picture first, encoded as uint8, 0 for nothing.
 
     A pixel of a higher level shows the largest of the four values below it, so that walls and
     doorways, which are rare and have high numbers, remain visible at low zoom. Only requested tiles
     and the tiles below them are cached: at most a third of the raster's bytes.
 
-    Parameters
-    ----------
-    raster : (H, W) array
-        Row 0 at the bottom, as in all rasters of the package.
-    encode : callable
-        Turns a part of the raster into uint8, 0 for nothing.
 
     Examples
     --------
@@ -162,16 +156,7 @@ def png(tile: NDArray[np.uint8], colours: Sequence[str]) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class GivenLabels:
-    """Labels of a file to compare with, such as the truth.
-
-    Parameters
-    ----------
-    title : str
-        Their name in the browser.
-    labels : (H, W) int16
-        Index into ``names``; -1 for none.
-    names : tuple of str
-    """
+    """Labels (H, W) of a file to compare with, such as the truth; -1 for none."""
 
     title: str
     labels: NDArray[np.int16]
@@ -193,16 +178,7 @@ METHOD, FILE, TRUTH = "method:", "file:", "file:0"
 
 
 class Layers:
-    """Pictures of parts of all layers.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    paint : (H, W) int16
-        Changed by the painting, which then calls :meth:`painted`.
-    given : mapping of str to (H, W) int16
-        Labels to compare with, by their titles.
-    """
+    """Pictures of parts of all layers: map, paint (H, W), labels, and labels to compare with."""
 
     def __init__(
         self, grid: OccupancyGrid, paint: NDArray[np.int16], given: Mapping[str, NDArray[np.int16]]
@@ -280,13 +256,7 @@ class Layers:
     def tile(
         self, layer: str, level: int, row: int, column: int, *, classes: Classes, theme: Theme
     ) -> bytes:
-        """A tile as PNG.
-
-        Raises
-        ------
-        InputError
-            There is no such layer or tile.
-        """
+        """A tile as PNG."""
         side = 1 << max(0, self.n_levels - 1 - level)
         if not (0 <= level < self.n_levels and 0 <= row < side and 0 <= column < side):
             raise InputError(f"there is no tile {row}, {column} at level {level}")

@@ -18,20 +18,7 @@ class _Superseded(Exception):  # noqa: N818  nothing went wrong
 
 @dataclass(frozen=True)
 class LearnerState:
-    """What the learner is doing.
-
-    Parameters
-    ----------
-    working : bool
-    stage : str
-        The current stage of the work.
-    fraction : float
-        The share of that stage that is done, from 0 to 1.
-    stages : int
-        The number of stages begun so far.
-    problem : str
-        Why the last request failed; empty if it succeeded.
-    """
+    """The current stage, its done share from 0 to 1, the number of stages, and the last problem."""
 
     working: bool = False
     stage: str = ""
@@ -68,14 +55,7 @@ class _Reported:
 class Learner(Generic[Question, Answer]):
     """Answers requests one at a time in the background; a newer request replaces older ones.
 
-    Parameters
-    ----------
-    work : callable
-        Computes the answer to a request, and reports its progress.
-    done : callable
-        Receives an answer, in the learner's thread.
-    changed : callable
-        Called whenever the state changes.
+    ``done`` receives answers in the learner's thread; ``changed`` is called when the state changes.
     """
 
     def __init__(

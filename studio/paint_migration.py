@@ -26,15 +26,7 @@ MOST_SEARCHED = 50_000_000
 
 @dataclass(frozen=True)
 class Migration:
-    """Paint that was migrated from an earlier state of the map.
-
-    Parameters
-    ----------
-    kept, lost : int
-        Painted cells that were migrated, and painted cells that are no longer free.
-    journal : Path
-        The journal of the earlier state.
-    """
+    """Numbers of painted cells migrated from an earlier state of the map and lost; its journal."""
 
     kept: int
     lost: int
@@ -54,15 +46,7 @@ class Migration:
 def opened_painting(
     folder: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
 ) -> tuple[Painting, Migration | None]:
-    """The painting of a map in a folder, and the migration from an earlier state of the map.
-
-    Raises
-    ------
-    InputError
-        The journal is damaged, or belongs to a different map.
-    OutputError
-        It is open in another studio, or the folder cannot be written.
-    """
+    """The painting of a map in a folder, and the migration from an earlier state of the map."""
     path, carried = folder / JOURNAL, None
     earlier = subject_of(path)
     if earlier is not None:

@@ -24,15 +24,7 @@ _COLOUR = re.compile("#[0-9a-f]{6}")
 
 @dataclass(frozen=True)
 class PlaceClass:
-    """A class of places.
-
-    Parameters
-    ----------
-    name : str
-        Must be usable in a file name.
-    colour : str
-        ``#rrggbb`` in lower case.
-    """
+    """A class of places: a name that file names allow, and a colour ``#rrggbb`` in lower case."""
 
     name: str
     colour: str
@@ -79,13 +71,7 @@ class Classes:
         return next((colour for colour in offered if colour not in used), offered[-1])
 
     def without(self, index: int) -> Self:
-        """The classes without one; later classes move up.
-
-        Raises
-        ------
-        InputError
-            There is no such class, or fewer than two would remain.
-        """
+        """The classes without one; later classes move up."""
         if not 0 <= index < len(self):
             raise InputError(f"there is no class {index}; there are {len(self)}")
         if len(self) < 3:
@@ -93,13 +79,7 @@ class Classes:
         return type(self)((*self.items[:index], *self.items[index + 1 :]))
 
     def with_class(self, index: int, item: PlaceClass) -> Self:
-        """The classes with one replaced, or with another one appended.
-
-        Raises
-        ------
-        InputError
-            The index is out of range, or two classes would have one name.
-        """
+        """The classes with one replaced, or with another one appended."""
         if not 0 <= index <= len(self):
             raise InputError(f"there is no class {index}; there are {len(self)}")
         if index >= MOST_CLASSES:
@@ -117,16 +97,7 @@ MOST_CUTS = 10_000
 
 @dataclass(frozen=True)
 class Version:
-    """A saved state with a name.
-
-    Parameters
-    ----------
-    revision : int
-        Number of the journal's entries up to the state.
-    name : str
-    saved_at : float
-        Seconds since 1970.
-    """
+    """A named state after ``revision`` entries of the journal, saved at a time (s since 1970)."""
 
     revision: int
     name: str
@@ -153,27 +124,10 @@ class _Step(NamedTuple):
 class Painting:
     """Painted cells, classes, names of places, and whether the model learns, saved in a journal.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        The map.
-    classes : Classes
-        The initial classes.
-    journal : Journal
-        Its entries are rewritten; every edit is appended to it before it takes effect.
-
-    Attributes
-    ----------
-    labels : (H, W) int16
-        Index of the painted class of each cell, -1 for none. Written to in place.
-    names : dict of (float, float) to str
-        Names of places by a point in metres: the place that contains the point has the name,
-        even after places have changed.
-    cuts : tuple of lines
-        Both ends of each in metres: places are divided along them, without a doorway.
-    learns : bool
-        Whether the model learns the paint.
-    versions : list of Version
+    The journal's entries are rewritten; every edit is appended before it takes effect. ``labels``
+    (H, W) are indices of classes, -1 for none, and written to in place. ``names`` are by a point in
+    metres: the place that contains the point has the name, even after places have changed. ``cuts``
+    are lines in metres that divide places without a doorway.
     """
 
     def __init__(self, grid: OccupancyGrid, classes: Classes, journal: Journal) -> None:

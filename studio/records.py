@@ -205,13 +205,7 @@ GATE_KEYS = ("painted", "gate_probability", "gate_log_odds", "networks", "doorwa
 
 
 def reasons_record(taught: InteractiveResult, x_m: float, y_m: float) -> dict[str, Any]:
-    """The scan of the cell at a position, the votes for each class, its gate and its neighbours.
-
-    Raises
-    ------
-    InputError
-        There is no free cell.
-    """
+    """The scan of the cell at a position, the votes for each class, its gate and its neighbours."""
     found = explain_cell(taught, x_m, y_m)
     step = -(-len(found.ranges_m) // MOST_BEAMS)
     ranges, angles = found.ranges_m[::step], found.angles_rad[::step]

@@ -25,18 +25,7 @@ from pgm_places.topology.place_ids import PlaceIds, name_places
 
 @dataclass(frozen=True, eq=False)
 class RelabelRequest:
-    """A request to label a map and to learn its paint.
-
-    Parameters
-    ----------
-    paint : Paint
-    revision : int
-        Revision of the painting.
-    learns : bool
-        Whether the labeler learns the paint, or only uses it as observed labels.
-    cuts : tuple of lines
-        Lines along which places are divided.
-    """
+    """A request to label a map, and to learn its paint or only use it as observed labels."""
 
     paint: Paint
     revision: int
@@ -46,19 +35,9 @@ class RelabelRequest:
 
 @dataclass(frozen=True, eq=False)
 class Relabelling:
-    """The result of a request, with labels as indices of the painting's classes.
+    """The result of a request: labels (H, W) after and before the graph, as the painting's classes.
 
-    Parameters
-    ----------
-    taught : InteractiveResult
-    revision : int
-        Revision of the painting in the request.
-    learns : bool
-        Whether the labeler learned the paint.
-    labels, unary_labels : (H, W) int16
-        After the graph and before it; -1 for none.
-    class_of : (K,) int16
-        Index of the painting's class for each label of the labeler.
+    ``class_of`` (K,) is the painting's class of each label of the labeler.
     """
 
     taught: InteractiveResult
@@ -121,16 +100,7 @@ def quick_labels(
 class Relabeller:
     """Relabels a map on request; the labeler is extended when a new class is painted.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    model : LoadedModel or PlaceLabeler, optional
-        None to learn from the paint only.
-    ids : PlaceIds, optional
-        Earlier places, which keep their ids; the places of each result are added.
-    n_threads : int or None
-    glanced : callable, optional
-        Receives quick labels (H, W) from one view of the map, where the labeler has networks.
+    Where the labeler has networks, ``glanced`` receives quick labels (H, W) from one view first.
     """
 
     def __init__(
@@ -218,14 +188,7 @@ LEAST_M2 = 0.5
 
 @dataclass(frozen=True, eq=False)
 class LabelChanges:
-    """The unpainted cells whose label has changed.
-
-    Parameters
-    ----------
-    cells : (H, W) bool
-    became_m2 : dict of int to float
-        Area that got each label.
-    """
+    """The unpainted cells (H, W) whose label has changed, and the area that got each label (m²)."""
 
     cells: NDArray[np.bool_]
     became_m2: dict[int, float]

@@ -36,18 +36,9 @@ _TOO_LARGE = (413, f"the request is larger than {MOST_BYTES} bytes")
 
 @dataclass(frozen=True)
 class Guard:
-    """An ASGI application that passes valid requests on to another one.
+    """An ASGI application that passes valid requests on to another one, without the token.
 
-    Parameters
-    ----------
-    inner : ASGI application
-        Receives paths without the token.
-    token : str
-        The first part of every path.
-    port : int
-        The port that the studio listens on.
-    body_s : float
-        Seconds within which the body of a request must arrive.
+    The body of a request must arrive within ``body_s`` seconds.
     """
 
     inner: ASGIApp

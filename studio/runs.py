@@ -13,12 +13,8 @@ from pgm_places.errors import InputError
 def runs_of_mask(mask: NDArray[np.bool_], corner: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
     """(n, 3) row, first column and length of each run of cells in a mask (h, w), row by row.
 
-    Parameters
-    ----------
-    mask : (h, w) bool
-        A part of a raster.
-    corner : (int, int)
-        Row and column of its first cell in the raster.
+    ``corner`` is the row and column of its first cell in the raster.
+
 
     Examples
     --------
@@ -67,11 +63,6 @@ def mask_of_runs(
 def checked_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
     """(n, 3) runs, checked, from an array or nested lists.
 
-    Raises
-    ------
-    InputError
-        A run lies outside the raster, or all runs together have more cells than the raster.
-
     Examples
     --------
     >>> checked_runs(np.array([0, 2, 2, 1, 1, 2]), (2, 4)).tolist()
@@ -96,13 +87,7 @@ Window = tuple[slice, slice]
 
 @dataclass(frozen=True, eq=False)
 class Repaint:
-    """Runs of cells, each with its labels before and after a change; -1 for none.
-
-    Parameters
-    ----------
-    runs : (n, 3) int64
-        Row, first column and length.
-    before, after : (n,) int16
+    """Runs of cells (n, 3), each with its labels (n,) before and after a change; -1 for none.
 
     Examples
     --------

@@ -77,18 +77,8 @@ _LONGEST_PORT = 8  # characters
 def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]) -> None:
     """Serve the maps of a pool until SIGINT or SIGTERM.
 
-    Parameters
-    ----------
-    pool : SessionPool
-    port : int
-        0 for the port of the last run in the pool's folder if it is free, or else any free port.
-    on_address : callable
-        Called with the address, token included, once browsers may open it.
-
-    Raises
-    ------
-    OutputError
-        The port is taken.
+    Port 0 is the port of the last run in the pool's folder if it is free, or else any free port.
+    ``on_address`` gets the address, token included, once browsers may open it.
     """
     with _listening(port) if port else _listening_again(pool.folder / PORT_FILE) as listener:
         number = listener.getsockname()[1]

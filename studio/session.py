@@ -55,40 +55,10 @@ CLASSES = ("corridor", "room", "doorway")
 class MapSession:
     """A map that is open in the studio; its methods may be called from any thread.
 
-    Parameters
-    ----------
-    source : MapFile
-        The map.
-    folder : Path
-        Folder of the journal and, by default, of the exports.
-    loaded : LoadedModel or PlaceLabeler, optional
-        The model to build on; None to learn from the paint only.
-    model : str
-        The name or the folder of the model.
-    given : sequence of GivenLabels, optional
-        Labels to compare with; errors refer to the first of them. Their names are offered as
-        classes, after those of the labeler.
-    drive_xy_m : (n, 2), optional
-        The path of a drive, in metres.
-
-    Attributes
-    ----------
-    n_fixed : int
-        Number of the first classes, which cannot be deleted.
-    changes : LabelChanges or None
-        Changes by the newest labels.
-    agrees : float or None
-        Share of the newest labels that agree with the labels to compare with.
-    tick : int
-        Counts changes of the data that the browser shows.
-    ids : PlaceIds
-        The places of all results so far, including earlier sessions.
-    ids_notice : str
-        A warning if their ids belong to another origin or another map; else empty.
-    migration : Migration or None
-        Paint migrated from an earlier state of the map.
-    closing : bool
-        Whether the studio ends, so that requests for news return.
+    The journal and, by default, the exports are in ``folder``. Errors refer to the first of the
+    ``given`` labels; their names are offered as classes, after those of the labeler. The first
+    ``n_fixed`` classes cannot be deleted. ``agrees`` is the share of the newest labels that agree
+    with the labels to compare with. ``tick`` counts changes of the data that the browser shows.
     """
 
     def __init__(
@@ -190,15 +160,7 @@ class MapSession:
     # ------------------------------------------------------------------ edits
 
     def edit(self, request: Mapping[str, object]) -> str:
-        """Carry out an edit of the browser; return a message, or an empty text.
-
-        Raises
-        ------
-        InputError
-            The request is invalid or cannot be carried out; nothing has changed.
-        OutputError
-            The journal cannot be written; nothing has changed.
-        """
+        """Carry out an edit of the browser; return a message, or an empty text."""
         values = dict(request)
         kind = str(values.pop("kind", None))
         edit = getattr(self, f"_edit_{kind}", None)
@@ -345,13 +307,7 @@ class MapSession:
 
     @property
     def answer(self) -> InteractiveResult:
-        """The newest result.
-
-        Raises
-        ------
-        InputError
-            There is none yet.
-        """
+        """The newest result."""
         if (taught := self.taught) is None:
             raise InputError("there are no labels yet; wait until the map has been labelled")
         return taught

@@ -21,16 +21,7 @@ LIVE_S = 25.0
 
 @dataclass(frozen=True)
 class MapEntry:
-    """A map that may be opened.
-
-    Parameters
-    ----------
-    title : str
-    folder : Path
-        Folder of its painting.
-    open : callable
-        Opens its session.
-    """
+    """A map that may be opened, and the folder of its painting."""
 
     title: str
     folder: Path
@@ -62,25 +53,7 @@ class Tabs:
 class SessionPool:
     """The maps of a studio and their open sessions; methods may be called from any thread.
 
-    Parameters
-    ----------
-    books : sequence of MapEntry
-        At least one.
-    folder : Path
-        Folder of the files that belong to all maps.
-    export_folders : ExportFolders, optional
-        Allowed folders of exports; by default the maps' folders and those below the current one.
-
-    Attributes
-    ----------
-    closing : bool
-        Whether the studio ends.
-    tabs : tuple of Tabs
-        The live tabs of each map.
-    request_s : float
-        Seconds within which a request and its body must arrive.
-    news_s : float
-        Seconds that a request for news waits.
+    A request and its body must arrive within ``request_s``; one for news waits ``news_s``.
     """
 
     request_s = 10.0
@@ -117,11 +90,6 @@ class SessionPool:
 
         If too many maps are open, the least recently used map without a live tab is closed. Maps
         with a tab stay open, because their tabs would reopen them at once.
-
-        Raises
-        ------
-        InputError
-            There is no such map, or it cannot be read.
         """
         if not 0 <= number < len(self):
             raise InputError(f"there is no map {number}; there are {len(self)}")
@@ -156,13 +124,7 @@ class SessionPool:
         ]
 
     def write_training(self) -> list[Path]:
-        """Write one configuration that trains a model on the paint of all maps, and its inputs.
-
-        Raises
-        ------
-        InputError
-            Nothing is painted on any map, or too little.
-        """
+        """Write one configuration that trains a model on the paint of all maps, and its inputs."""
         sessions, names = [], []
         for number, book in enumerate(self.books):
             with self._lock:

@@ -33,16 +33,7 @@ AROUND_M, LEAST_M2 = 1.0, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What stops a door line besides walls: other doorways, and outlines of regions.
-
-    Parameters
-    ----------
-    paint : (H, W) int16
-    doorway : int or None
-        The class of doorways.
-    topology : TopologicalMap or None
-        The places of the newest result.
-    """
+    """What stops a door line besides walls: other doorways, and outlines of regions."""
 
     paint: NDArray[np.int16]
     doorway: int | None = None
@@ -125,16 +116,7 @@ def cut_line(
 
 
 def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
-    """Whether a doorway separates its two sides locally.
-
-    Parameters
-    ----------
-    runs : (n, 3) int64
-        Row, first column and length of its cells.
-    grid : OccupancyGrid
-    limits : Limits
-        With the other doorways.
-    """
+    """Whether a doorway of runs (n, 3), beside the other doorways, separates its two sides locally."""
     if not len(runs):
         return False
     window, line = mask_of_runs(runs, grid.shape, int(np.ceil(AROUND_M / grid.resolution_m)))
@@ -156,16 +138,10 @@ HALF_DEPTH_M = 0.12
 
 @dataclass(frozen=True, kw_only=True)
 class Stroke:
-    """A tool and the points along which it was drawn.
+    """A tool and the points along which it was drawn: x to the right and y upwards, in cells.
 
-    Parameters
-    ----------
-    tool : {"brush", "rectangle", "polygon", "doorway"}
-        A rectangle and a doorway have two points: corners, and ends at either wall.
-    points : tuple of (float, float)
-        x to the right and y upwards, in cells.
-    radius : float
-        Half the width of a brush or depth of a doorway, in cells.
+    A rectangle and a doorway have two points: corners, and ends at either wall. The radius is half
+    the width of a brush or depth of a doorway, in cells.
     """
 
     tool: Tool
@@ -265,11 +241,6 @@ def fill_cells(
     are connected to the point and have equal paint, or none. A region contains half of the
     doorway at each gate: cells (H, W) that are labelled ``doorway`` are left out, unless the
     region is a doorway. Cells that are ``drawn`` as doorways are always left out.
-
-    Raises
-    ------
-    InputError
-        The point is not on a free cell, or only on a drawn doorway.
     """
     row, column = _cell(grid, point)
     region = 0 if topology is None else int(topology.region[row, column])
@@ -294,11 +265,6 @@ def merge_cells(topology: TopologicalMap, first: int, second: int) -> tuple[NDAr
 
     The merged place has the label of the larger one. Doorways that connect only these two places
     get this label, too.
-
-    Raises
-    ------
-    InputError
-        The places are identical, or neither a border nor a doorway connects them.
     """
     one, other = topology.place(first), topology.place(second)
     merging = (one, other, *doorways_between(topology, one, other))

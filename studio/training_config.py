@@ -31,11 +31,6 @@ def write_training(
 
     ``painted`` lists the classes that are painted on any map. The maps need not be open. The paint
     is written into each session's folder, or into the configuration's folder with ``beside``.
-
-    Raises
-    ------
-    InputError
-        There is no model to build on, and fewer than two classes are painted.
     """
     first = sessions[0]
     alone = first.labeler is None

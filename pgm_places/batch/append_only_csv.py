@@ -22,25 +22,13 @@ class AppendOnlyCsv:
     """A CSV table with fixed columns at both ends and a growing set of columns in the middle.
 
     Appending and replacing hold a lock. An incomplete last line, as after a power cut, is dropped.
-
-    Parameters
-    ----------
-    path : Path
-    first, last : sequence of str
-        The columns at both ends.
     """
 
     def __init__(self, path: Path, first: Sequence[str], last: Sequence[str] = ()) -> None:
         self.path, self._first, self._last = path, tuple(first), tuple(last)
 
     def check(self) -> None:
-        """Check the columns of an existing file; a table of an earlier version is removed.
-
-        Raises
-        ------
-        OutputError
-            The file has other columns and was not written by this package.
-        """
+        """Check the columns of an existing file; a table of an earlier version is removed."""
         header = self._header()
         if header is None:
             return

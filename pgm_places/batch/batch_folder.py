@@ -70,13 +70,7 @@ def is_of_batch(folder: Path) -> bool:
 
 
 def write_root(out: Path, root: Path) -> None:
-    """Record the root for later runs.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written, for instance because the bucket of an address does not exist.
-    """
+    """Record the root for later runs."""
     record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
     if recorded_root(out) == root:
         return
@@ -154,15 +148,7 @@ class Index:
 def index_folder(
     folder: Path, *, parquet: bool = False, force: bool = False, progress: Progress
 ) -> Index:
-    """Rebuild the index of all labelled maps below a folder or an address.
-
-    Raises
-    ------
-    InputError
-        There is no such folder, or no labelled map in it; or pyarrow is missing.
-    OutputError
-        The index cannot be written, or would overwrite files of the user.
-    """
+    """Rebuild the index of all labelled maps below a folder or an address."""
     if is_address(folder):
         places = (PLACES_FILE, OLD_PLACES_FILE) if parquet else ()
         wanted = (Path(MANIFEST_FILE).name, *places)
@@ -235,21 +221,6 @@ def write_place_table(path: Path, out: Path, names: Iterable[str]) -> Path:
     Columns: ``map`` (its name), ``place`` (its id), ``name``, ``label``, ``area_m2``,
     ``confidence`` (null where unknown), ``doubtful_m2``, ``x_m`` and ``y_m`` (the anchor in the
     map's frame), and ``connected_to`` (the ids of its neighbours).
-
-    Parameters
-    ----------
-    path : Path
-    out : Path
-        The folder of the batch.
-    names : iterable of str
-        Names of the maps: their folders below ``out``.
-
-    Raises
-    ------
-    InputError
-        The extra ``tables`` is not installed.
-    OutputError
-        The file cannot be written.
     """
     arrow = needed("pyarrow", extra="tables", purpose="--parquet")
     parquet = needed("pyarrow.parquet", extra="tables", purpose="--parquet")
@@ -319,13 +290,7 @@ def write_check_first(folder: Path, stage: Path, old: str, new: str) -> bool:
 
 
 def rewrite_row(folder: Path) -> None:
-    """Rewrite a map's row and the page of its batch, if it belongs to a batch.
-
-    Raises
-    ------
-    OutputError
-        The index cannot be written.
-    """
+    """Rewrite a map's row and the page of its batch, if it belongs to a batch."""
     out = batch_of(folder)
     if out is None:
         return

@@ -43,16 +43,8 @@ class BatchIndex:
 
     Rows are appended immediately to one of the tables. Periodically and at the end, both tables are
     sorted, reduced to the newest row of each map, and the page is written. Several processes may
-    write to the index of one folder.
-
-    Parameters
-    ----------
-    out : Path
-        The folder of the batch.
-    names : iterable of str, optional
-        Names of the input maps; without it, a map counts as input as long as its file exists.
-    remote : RemoteIndex, optional
-        The index on another machine, if the results are there; ``out`` is then a local copy.
+    write to the index of one folder. Without ``names`` of the input maps, a map counts as input as
+    long as its file exists. With a ``remote`` index, ``out`` is a local copy.
     """
 
     def __init__(
@@ -66,13 +58,7 @@ class BatchIndex:
         self._next_s, self._written_s = time.monotonic() + _LEAST_PAUSE_S, 0.0
 
     def begin(self, *, force: bool = False) -> None:
-        """Read the existing index.
-
-        Raises
-        ------
-        OutputError
-            A file of the index was not written by this package.
-        """
+        """Read the existing index."""
         page = self.out / INDEX_FILE
         if page.exists() and not (force or is_as_written(page) or _is_page(page)):
             raise OutputError(
@@ -134,13 +120,7 @@ class BatchIndex:
         return path
 
     def end(self, settle: Callable[[], Overview] | None = None) -> Overview:
-        """Write the final index; ``settle`` sorts the tables, by default :meth:`settle`.
-
-        Raises
-        ------
-        OutputError
-            The remote machine did not accept the index before the timeout.
-        """
+        """Write the final index; ``settle`` sorts the tables, by default :meth:`settle`."""
         settle = settle or partial(self.settle, at_the_end=True)
         if self._remote is None:
             overview = settle()

@@ -29,19 +29,11 @@ _QUERY_INTERVAL_S = 1.0
 
 @dataclass(frozen=True)
 class DaskWorkers:
-    """A Dask cluster.
+    """A Dask cluster by the address of its scheduler, such as ``tcp://192.168.0.7:8786``.
 
     Its workers need this version of the package, and the maps, the model and the output folder
-    under the same paths.
-
-    Parameters
-    ----------
-    address : str
-        Address of the scheduler, such as ``tcp://192.168.0.7:8786``.
-    memory_bytes : int, optional
-        Memory limit of each task, which then runs in a subprocess of the worker.
-    patience_s : float
-        Timeout for the scheduler and for a first worker (s).
+    under the same paths. With ``memory_bytes``, each task runs in a subprocess of the worker. The
+    scheduler and a first worker must answer within ``patience_s``.
     """
 
     address: str

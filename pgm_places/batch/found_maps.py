@@ -20,14 +20,9 @@ _HEAD = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class FoundMap:
-    """A map to label; its path is text, which is smaller, because there may be a million maps.
+    """A map to label: its output folder below the root, and its absolute YAML file.
 
-    Parameters
-    ----------
-    name : str
-        Its output folder: its path below the root, with slashes and without ``.yaml``.
-    file : str
-        Its YAML file, absolute.
+    Its path is text, which is smaller, because there may be a million maps.
     """
 
     name: str
@@ -41,16 +36,9 @@ class FoundMap:
 
 @dataclass(frozen=True)
 class FoundMaps:
-    """The maps of a command line.
+    """The maps of a command line, sorted by name; names are relative to the absolute ``root``.
 
-    Parameters
-    ----------
-    maps : tuple of FoundMap
-        Sorted by name.
-    n_passed_over : int
-        Number of skipped YAML files that describe no map.
-    root : Path
-        Absolute folder that the names are relative to.
+    ``n_passed_over`` YAML files described no map.
     """
 
     maps: tuple[FoundMap, ...]
@@ -74,20 +62,7 @@ def find_maps(
     Files are used directly, whatever their name. In a folder, and for a pattern
     (``floors/*/map.yaml``, ``**`` for any depth), every YAML file with a key ``image`` is a map,
     except in hidden folders and below ``out``. A map's name is its path below the root, so it does
-    not depend on other maps.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-    out : Path, optional
-        The output folder.
-    root : Path, optional
-        The folder that names are relative to; by default the deepest one above all arguments.
-
-    Raises
-    ------
-    MapError
-        A folder or a pattern has no map, or a map is outside the root.
+    not depend on other maps. The root is by default the deepest folder above all arguments.
     """
     many = {argument: names_many(argument) for argument in arguments}
     if root is None:
@@ -208,13 +183,7 @@ def _describes_map(file: str) -> bool:
 
 @dataclass(frozen=True)
 class Shard:
-    """One of several parts of a batch; names are assigned by hash.
-
-    Parameters
-    ----------
-    number, of : int
-        Number of the part, from 1, and the number of parts.
-    """
+    """Part ``number``, from 1, of a batch in ``of`` parts; names are assigned by hash."""
 
     number: int
     of: int
@@ -222,11 +191,6 @@ class Shard:
     @classmethod
     def named(cls, text: str) -> Self:
         """Parse ``i/n``.
-
-        Raises
-        ------
-        InputError
-            The text has another form, or ``i`` is not between 1 and ``n``.
 
         Examples
         --------

@@ -40,19 +40,7 @@ _MOST_FAILURES = 5
 
 @dataclass(frozen=True)
 class LabelledBatch:
-    """The result of a batch.
-
-    Parameters
-    ----------
-    n_labelled, n_skipped, n_failed : int
-        Maps labelled by this run, skipped because they were labelled before, and failed.
-    overview : Overview
-        Counts of the output folder, including other runs.
-    written : tuple of str
-        The index files.
-    failures : tuple of Failure
-        The first failed maps.
-    """
+    """The result of a batch: numbers of maps of this run, and sums over the output folder."""
 
     n_labelled: int
     n_skipped: int
@@ -105,32 +93,9 @@ def label_batch(
     """Label maps, each into its own folder below ``out``; maps already labelled are skipped.
 
     Several batches may write to one folder: maps claimed by another batch are checked again when
-    it releases them.
-
-    Parameters
-    ----------
-    found : FoundMaps
-    out : Path
-    options : LabelOptions
-    workers : Workers
-    n_threads : int
-        Threads of each worker.
-    force : bool
-        Overwrite files that pgm-places did not write or that were changed since.
-    shard : Shard, optional
-        Label only this part of the maps.
-    only_failed : bool
-        Label only maps whose last run failed.
-    limit_s : float, optional
-        Time limit of a map.
-    progress : Progress
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be written, or the disk is full. Finished maps are not removed.
-    InputError
-        The model is invalid, or there are no workers.
+    it releases them. ``force`` overwrites files that pgm-places did not write or that were changed
+    since; ``only_failed`` labels maps whose last run failed; ``limit_s`` limits each map;
+    ``n_threads`` are those of each worker.
     """
     sha256 = LoadedModel.load(options).sha256
     tally = _Tally()
@@ -317,14 +282,7 @@ class _Tally:
 
 @dataclass(frozen=True)
 class Plan:
-    """Names of maps by what a batch would do with them.
-
-    Parameters
-    ----------
-    to_label, again, done, refused : tuple of str
-        Maps to label, those among them whose last run failed, labelled maps, and maps whose names
-        collide.
-    """
+    """Names of maps to label, those among them that failed before, labelled ones and colliding ones."""
 
     to_label: tuple[str, ...]
     again: tuple[str, ...]
@@ -355,13 +313,7 @@ def plan(
     shard: Shard | None = None,
     only_failed: bool = False,
 ) -> Plan:
-    """What :func:`label_batch` would do with the maps, without writing anything.
-
-    Raises
-    ------
-    InputError
-        The model is invalid.
-    """
+    """What :func:`label_batch` would do with the maps, without writing anything."""
     sha256 = LoadedModel.load(options).sha256
     with index_of(out) as lists:
         lists.merge_others()

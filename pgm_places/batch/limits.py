@@ -20,11 +20,6 @@ LEAST_MEMORY = 256 * 1000**2
 def memory_bytes(text: str) -> int:
     """Parse a size.
 
-    Raises
-    ------
-    InputError
-        The text is not a size, or less than any map needs.
-
     Examples
     --------
     >>> memory_bytes("4GB"), memory_bytes("1.5 GiB")

@@ -32,12 +32,8 @@ TIMED_OUT: Literal[Unfinished.TIMED_OUT] = Unfinished.TIMED_OUT
 class Fault:
     """A result caused by a worker rather than by its task.
 
-    Parameters
-    ----------
-    result : object
-        The final result if no other worker succeeds; an exception is raised.
-    is_certain : bool
-        Whether the worker would fail on every task.
+    ``result`` is final if no other worker succeeds; an exception is raised. ``is_certain``: the
+    worker would fail on every task.
     """
 
     result: Any
@@ -96,16 +92,8 @@ _SAFE_PATH = "PYTHONSAFEPATH"
 class WorkerProcess:
     """A single process of joblib's loky, used by one thread; other threads may end it.
 
-    Parameters
-    ----------
-    n_threads : int
-        Threads that numerical libraries may use.
-    memory_bytes : int, optional
-        Memory limit.
-    idle_s : float, optional
-        Idle time after which the process exits; the next task starts another.
-    grace_s : float
-        Seconds after the time limit before the process of an unfinished task is killed.
+    It exits after ``idle_s`` without a task; the next task starts another. The process of an
+    unfinished task is killed ``grace_s`` after the time limit.
     """
 
     def __init__(
@@ -264,18 +252,8 @@ def _wait_until_taken(future: Any) -> None:
 class LocalWorkers:
     """Processes of joblib's loky, restarted when they crash.
 
-    Each process has its own executor, so a crash affects only one task, which is known.
-
-    Parameters
-    ----------
-    n_jobs : int
-        Number of processes.
-    n_threads : int
-        Threads that numerical libraries may use in each.
-    memory_bytes : int, optional
-        Memory limit of each.
-    grace_s : float
-        Seconds after the time limit before the process of an unfinished task is killed.
+    Each process has its own executor, so a crash affects only one task, which is known. The process
+    of an unfinished task is killed ``grace_s`` after the time limit.
     """
 
     n_jobs: int

@@ -37,26 +37,10 @@ from pgm_places.topology.checks import doubtful_share, places_to_check
 
 @dataclass(frozen=True, kw_only=True)
 class LabelledRow:
-    """A labelled map.
+    """A labelled map: its output folder and YAML file, and what the batch's tables list.
 
-    Parameters
-    ----------
-    name, map : str
-        Its output folder and its YAML file.
-    skipped : bool
-        Whether it was labelled by an earlier run.
-    method : str
-    n_places, n_connections : int
-        Of the topological map.
-    area_m2 : dict of str to float
-        Per label.
-    doubt : float or None
-        Expected share of wrongly labelled area; None if unknown.
-    check_first : str
-        The place with most of this area; empty if unknown.
-    warnings : tuple of str
-    seconds : float
-        Elapsed time of the run that labelled it.
+    ``doubt`` is the expected share of wrongly labelled area, None if unknown; ``check_first`` is
+    the place with most of it.
     """
 
     name: str
@@ -101,18 +85,9 @@ class LabelledRow:
 
 @dataclass(frozen=True)
 class Failure:
-    """A map that could not be labelled.
+    """A map that could not be labelled, with the class of the error and one line.
 
-    Parameters
-    ----------
-    name, map : str
-        Its output folder and its YAML file.
-    kind : str
-        The class of the error, such as ``MapError``.
-    message : str
-        One line.
-    of_worker : bool
-        Whether the worker may be at fault, so that another worker could succeed.
+    ``of_worker``: the worker may be at fault, so that another worker could succeed.
     """
 
     name: str
@@ -231,31 +206,11 @@ class NoSpaceError(OutputError):
 
 @dataclass(frozen=True)
 class MapTask:
-    """One map to label, self-contained, so that any process can run it.
+    """One map to label, self-contained, so that any process can run it; paths are absolute.
 
-    Parameters
-    ----------
-    name : str
-        Name in the summary.
-    map, folder : Path
-        The YAML file and the output folder, both absolute.
-    options : LabelOptions
-    model_sha256 : str
-        Hash of the model, which every process has to find.
-    n_threads : int
-    force : bool
-        Overwrite files that pgm-places did not write or that were changed since.
-    claim : Path, optional
-        Lock file of the map.
-    limit_s : float, optional
-        Time limit.
-    source, target : str
-        Names of the map and of the output folder in messages and results, if different from their
-        paths.
-    only_check : bool
-        Only check whether the map is labelled.
-    version : str
-        Package version of the process that made the task.
+    ``force`` overwrites files that pgm-places did not write or that were changed since. ``claim``
+    is the map's lock file. ``source`` and ``target`` name map and output folder in messages, if
+    they differ from the paths. ``version`` is that of the package that made the task.
     """
 
     name: str
@@ -303,15 +258,7 @@ class MapTask:
 
 
 def label_one(task: MapTask) -> Outcome:
-    """Label a map, unless it is labelled; most errors become a :class:`Failure`.
-
-    Raises
-    ------
-    NoSpaceError
-        The disk is full.
-    InputError
-        This process has another version of the package or of the model.
-    """
+    """Label a map, unless it is labelled; most errors become a :class:`Failure`."""
     try:
         model = same_model(task)
     except MemoryError as error:

@@ -21,11 +21,7 @@ MOST_ROWS = 2000
 class FolderSums:
     """Sums over the maps of a folder.
 
-    Parameters
-    ----------
-    n_rows, n_failures, n_places : int
-    area_m2, known_m2, doubtful_m2 : float
-        The area of all maps, the area of maps with known uncertainty, and its uncertain part.
+    ``known_m2`` is the area of maps with known uncertainty, ``doubtful_m2`` its uncertain part.
     """
 
     n_rows: int = 0
@@ -48,21 +44,9 @@ class FolderSums:
 
 @dataclass
 class Overview:
-    """Sums over all maps, and the rows of the page.
+    """Sums over all maps and by the first folder of their names, and the rows of the page.
 
-    Parameters
-    ----------
-    labels : tuple of str
-    total : FolderSums
-        Of all maps.
-    folders : dict of str to FolderSums
-        By the first folder of the maps' names; "" for maps without a folder.
-    n_gone : int
-        Labelled maps that are no longer in the input.
-    failures : list of Row
-        The first failures.
-    gone : list of str
-        The first names of maps that are no longer in the input.
+    ``n_gone`` labelled maps, the first of them in ``gone``, are no longer in the input.
     """
 
     labels: tuple[str, ...]

@@ -23,16 +23,7 @@ _OLD_S = 86_400.0
 
 
 class RemoteIndex:
-    """The index of a remote folder, with a local copy.
-
-    Parameters
-    ----------
-    remote : RemoteFolder
-    here : Path
-        The local folder.
-    names, tables : sequence of str
-        Files of the index; the tables among them, which several runs append to.
-    """
+    """The index of a remote folder, with a local copy; several runs append to its ``tables``."""
 
     def __init__(
         self, remote: RemoteFolder, here: Path, names: Sequence[str], tables: Sequence[str]

@@ -41,11 +41,6 @@ def label_anywhere(task: MapTask) -> Outcome:
     The manifest is removed before all other files and written after them, and the record of files
     is written first. An incomplete result therefore counts as not labelled, and as written by this
     package.
-
-    Raises
-    ------
-    NoSpaceError, InputError
-        See :func:`~pgm_places.batch.map_task.label_one`.
     """
     if not is_address(task.map) and not is_address(task.folder):
         return label_one(task)

@@ -47,13 +47,7 @@ def command(name: str) -> Command:
 
 
 def run(words: Sequence[str]) -> None:
-    """Run the command of a command line.
-
-    Raises
-    ------
-    InputError
-        A command, an option or a value is invalid.
-    """
+    """Run the command of a command line."""
     first, *others = words or [HELP]
     if first in COMMANDS:
         _run(command(first), others)

@@ -28,14 +28,7 @@ _FLAG = re.compile(r"-[^\d.]")
 
 @dataclass(frozen=True)
 class Command:
-    """A command of ``pgm-places``.
-
-    Parameters
-    ----------
-    name : str
-    function : callable
-        Called with the parsed values; its docstring is the help, its annotations are the types.
-    """
+    """A command: the function's docstring is the help, its annotations are the types."""
 
     name: str
     function: Callable[..., None]
@@ -56,13 +49,7 @@ class Command:
         return self.help.partition("\n")[0].partition(". ")[0].rstrip(".") + "."
 
     def run(self, words: Sequence[str]) -> None:
-        """Parse the words of a command line and call the function.
-
-        Raises
-        ------
-        InputError
-            An argument or option is unknown, missing or has an invalid value.
-        """
+        """Parse the words of a command line and call the function."""
         self.function(**self.values(words))
 
     def values(self, words: Sequence[str]) -> dict[str, Any]:

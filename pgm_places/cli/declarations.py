@@ -32,15 +32,7 @@ from pgm_places.options.marks import unannotated, union_members
 
 @dataclass
 class Argument:
-    """Annotation of a positional parameter.
-
-    Parameters
-    ----------
-    metavar : str
-        Its name in usage and messages.
-    help : str
-        One sentence.
-    """
+    """Annotation of a positional parameter: its name in usage and messages, and a sentence."""
 
     metavar: str
     help: str = ""
@@ -49,17 +41,9 @@ class Argument:
 class Option:
     """Annotation of a parameter set by a flag.
 
-    Parameters
-    ----------
-    *flags : str
-        ``"--out", "-o"``; :func:`flag_of` the parameter by default. A switch that can also be
-        turned off is written ``"--correct/--no-correct"``.
-    help : str
-        One sentence; the sentence of the docstring by default.
-    metavar : str, optional
-        Placeholder of its value; the type of value by default.
-    shown_default : bool or str, optional
-        Default to show in the help, where the declared default is None.
+    Flags are ``"--out", "-o"``; :func:`flag_of` the parameter by default. A switch that can also be
+    turned off is written ``"--correct/--no-correct"``. The help is by default the sentence of the
+    docstring, the metavar the type of value; ``shown_default`` is shown where the default is None.
     """
 
     def __init__(
@@ -75,18 +59,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An argument or option of a command.
-
-    Parameters
-    ----------
-    name : str
-        Name of the function's parameter.
-    hint : Any
-        Type of its value.
-    declared : Argument or Option
-    default : Any
-        ``inspect.Parameter.empty`` for a required parameter.
-    """
+    """An argument or option of a command; ``inspect.Parameter.empty`` is the default if required."""
 
     name: str
     hint: Any
@@ -149,13 +122,7 @@ class Parameter:
         return Union[tuple(arm for arm in union_members(self.hint) if arm is not NoneType)]  # noqa: UP007
 
     def read(self, text: str) -> Any:
-        """Parse and check a value.
-
-        Raises
-        ------
-        ConfigError
-            The value is invalid for this parameter.
-        """
+        """Parse and check a value."""
         kind = unannotated(union_members(self._value_type)[0])
         if kind in (str, Path):
             return kind(text)
@@ -217,16 +184,7 @@ Command = Callable[..., None]
 
 @dataclass(frozen=True)
 class GivenOptions(Generic[T]):
-    """Options set by flags; unset options are left out.
-
-    Parameters
-    ----------
-    cls : dataclass
-        The options class.
-    values : mapping of str to value
-    flags : mapping of str to str
-        The flag of each option of the class.
-    """
+    """Options of a class set by flags; unset options are left out of ``values``."""
 
     cls: type[T]
     values: Mapping[str, Any]
@@ -248,19 +206,9 @@ def option_flags(
 ) -> Callable[[Command], Command]:
     """A decorator that gives a command a flag for each option of a class.
 
-    Parameters
-    ----------
-    parameter : str
-        The parameter of the command that receives the object of the class.
-    cls : dataclass
-        Declares names, defaults, ranges and help.
-    flags : mapping of str to str, optional
-        Flags with another name than :func:`flag_of`.
-    without : collection of str
-        Options without a flag, which have no meaning for the command; they have their defaults.
-    only_given : bool
-        Pass :class:`GivenOptions` instead of an object of the class; the command chooses the
-        defaults.
+    The command receives the object of the class as ``parameter``. ``flags`` are flags with another
+    name than :func:`flag_of`; options in ``without`` have no flag, as they have no meaning for the
+    command. With ``only_given``, the command gets :class:`GivenOptions` and chooses the defaults.
     """
     hints = {name: hint for name, hint in option_hints(cls).items() if name not in without}
     names = {name: flag_of(name) for name in hints} | dict(flags or {})

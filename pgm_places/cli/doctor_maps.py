@@ -31,15 +31,7 @@ _OF_A_MAP, _OF_A_CELL = 15_000, 0.05
 
 @dataclass(frozen=True)
 class Forecast:
-    """Size of a map, and the work to label it.
-
-    Parameters
-    ----------
-    n_cells : int
-        Cells of the original map.
-    n_free : int
-        Free cells at the model's resolution, which get labels.
-    """
+    """Cells of a map, and free cells at the model's resolution, which get labels."""
 
     n_cells: int
     n_free: int
@@ -58,25 +50,13 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Speed:
-    """Labelling speed of this machine with a model, on one thread.
-
-    Parameters
-    ----------
-    seconds_per_cell : float
-        Processor time per unit of :attr:`Forecast.work`.
-    """
+    """Labelling speed with a model: processor time per unit of :attr:`Forecast.work`, on one thread."""
 
     seconds_per_cell: float
 
     @classmethod
     def measured(cls, options: LabelOptions) -> Self:
-        """Measure the speed on a small generated floor, after a warm-up run.
-
-        Raises
-        ------
-        InputError
-            The model cannot label the floor.
-        """
+        """Measure the speed on a small generated floor, after a warm-up run."""
         model = LoadedModel.load(options)
         grid = generate_building(1, size="small", resolution_m=0.05).grid
         used, _ = at_model_resolution(model.labeler, grid)
@@ -110,15 +90,7 @@ _UNENTERED = "'label' gives it no label, or all of it with --unentered"
 def check_map(
     path: Path, labeler: pp.PlaceLabeler, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> None:
-    """Print the properties and problems of one map.
-
-    Raises
-    ------
-    MapError
-        The map cannot be read, or its file cannot be corrected.
-    OutputError
-        The file cannot be written, or a saved original would be overwritten.
-    """
+    """Print the properties and problems of one map."""
     loaded = pp.load_map(path, unknown_value=unknown_value)
     if fix:
         loaded = _corrected(path, loaded)
@@ -187,13 +159,7 @@ class _Row:
 def check_maps(
     arguments: Sequence[str], model: str, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> bool:
-    """Print a table of several maps with estimated labelling times; whether all can be labelled.
-
-    Raises
-    ------
-    MapError
-        An argument matches no map.
-    """
+    """Print a table of several maps with estimated labelling times; whether all can be labelled."""
     chosen = find_maps(arguments)
     options = LabelOptions(model=model)
     labeler = LoadedModel.load(options).labeler

@@ -48,13 +48,7 @@ class WorkerOptions:
 def make_workers(
     options: WorkerOptions, n_tasks: int, n_threads: int | None
 ) -> tuple["Workers", int]:
-    """The workers of the flags, and the threads of each.
-
-    Raises
-    ------
-    InputError
-        The flags contradict each other, or the size is invalid.
-    """
+    """The workers of the flags, and the threads of each."""
     from pgm_places.batch.dask_workers import DaskWorkers
     from pgm_places.batch.limits import LEAST_MEMORY, memory_bytes
     from pgm_places.batch.local_workers import LocalWorkers

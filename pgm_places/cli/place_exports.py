@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 def write_export(
     request: ExportRequest, stage: Path, folder: Path, lies_in: Path, topology: "TopologicalMap"
 ) -> str:
-    """Write an export to ``stage``, to be moved to ``lies_in``; a summary.
-
-    Raises
-    ------
-    InputError
-        A format, name or value is invalid.
-    OutputError
-        A file cannot be written.
-    """
+    """Write an export to ``stage``, to be moved to ``lies_in``; a summary."""
     from pgm_places.io.places.exports import EXPORTS, OF_RADIUS, export, write_cleaned_map
     from pgm_places.io.places.filter_masks import TYPES
 

@@ -19,13 +19,7 @@ _LONGEST = 2000
 
 
 def say(text: str) -> None:
-    """Print lines to standard output and flush it.
-
-    Raises
-    ------
-    OutputError
-        Writing failed, as on a full disk.
-    """
+    """Print lines to standard output and flush it."""
     try:
         sys.stdout.write(escape_control(text, keep="\n") + "\n")
         sys.stdout.flush()  # pipes receive each line immediately

@@ -139,17 +139,10 @@ def count_columns(
 
 
 class TrackInputs(NamedTuple):
-    """Inputs of ``track`` besides the log.
+    """Inputs of ``track`` besides the log: the labeler, and the map in the frame of the log.
 
-    Parameters
-    ----------
-    labeler : TrajectoryLabeler
-    grid : OccupancyGrid or None
-        The map in the frame of the log.
-    known : LabelledMapFolder or None
-        The labelled map of ``--map-labels``.
-    counts : CountColumns or None
-        Object counts, if the model was trained with any.
+    ``known`` is the labelled map of ``--map-labels``; ``counts`` are object counts, if the model
+    was trained with any.
     """
 
     labeler: pp.TrajectoryLabeler
@@ -208,13 +201,7 @@ def misfit(
 
 
 def folder_for(options: TrackOptions) -> Path:
-    """The output folder of a complete log.
-
-    Raises
-    ------
-    ConfigError
-        There is no folder, or the log is standard input.
-    """
+    """The output folder of a complete log."""
     if options.out is None:
         raise ConfigError("track needs a folder for its results: pass --out DIR")
     if str(options.log) == "-":

@@ -59,16 +59,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """A paletted image.
-
-    Parameters
-    ----------
-    indices : (h, w) uint8
-        Colour index per pixel; row 0 is the top, as in every image.
-    colours : tuple of str
-        ``#rrggbb`` per index.
-    m_per_pixel : float
-    """
+    """A paletted image (h, w); row 0 is the top, as in every image."""
 
     indices: NDArray[np.uint8]
     colours: tuple[str, ...]

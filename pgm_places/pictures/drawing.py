@@ -31,13 +31,7 @@ _Scaling: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Drawing:
-    """A white picture; positions are pixels from its upper left corner, x to the right and y down.
-
-    Parameters
-    ----------
-    width, height : int
-        Size in pixels.
-    """
+    """A white picture; positions are pixels from its upper left corner, x to the right, y down."""
 
     def __init__(self, width: int, height: int) -> None:
         from PIL import Image
@@ -211,11 +205,6 @@ class Packing:
 
     After an exception nothing more is written. With a single thread, or outside a ``with`` block,
     each picture is written at once.
-
-    Parameters
-    ----------
-    n_threads : int, optional
-        Number of threads; all cores by default.
     """
 
     def __init__(self, n_threads: int | None = None) -> None:

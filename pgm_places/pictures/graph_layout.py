@@ -37,9 +37,6 @@ class GraphLayout:
     The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for graphs of any kind. Edges
     are drawn as walls are on maps; nodes are painted over them.
 
-    Parameters
-    ----------
-    graph : LabelGraph
 
     Examples
     --------

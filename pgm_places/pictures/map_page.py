@@ -47,23 +47,7 @@ def earlier_title(folder: Path) -> str | None:
 
 
 class MapPage:
-    """The page of a labelled map, which the packing thread renders.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        The map.
-    topology : TopologicalMap
-    title : str
-        The map's name.
-    names : collection of str
-        The files of the folder.
-    map_name : str
-        The map's file, for commands.
-    warnings : sequence of str
-    picture : bool
-        Whether the page has a picture of the places.
-    """
+    """The page of a labelled map, rendered by the packing thread; ``names`` are the folder's files."""
 
     def __init__(
         self,

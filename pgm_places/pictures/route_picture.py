@@ -37,13 +37,6 @@ def write_routes(
     With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, the
     other files for Nav2 are written, too. The files are later moved to ``lies_in``; nodes and edges
     of an earlier graph there keep their ids.
-
-    Raises
-    ------
-    InputError
-        The robot fits nowhere, or a name is neither a place nor a class.
-    OutputError
-        A file cannot be written.
     """
     closed = topology.ids_of(keep_out)
     routes = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)

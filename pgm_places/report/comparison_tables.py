@@ -41,16 +41,10 @@ FIGURES: dict[str, tuple[str, Figure]] = {
 
 @dataclass(frozen=True)
 class Cell:
-    """A rounded value, with its spread and interval, and whether it is highlighted.
+    """A rounded value with its spread and interval, "" for none.
 
-    Parameters
-    ----------
-    text : str
-    is_sure : bool
-        Significantly better than all others, or significantly different from 0; or the highest
-        of a split.
-    spread, interval : str
-        "" for none.
+    ``is_sure``: significantly better than all others, or significantly different from 0; or the
+    highest of a split.
     """
 
     text: str
@@ -75,17 +69,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table as text.
-
-    Parameters
-    ----------
-    caption : str
-    columns : tuple of str
-        The column of heads first.
-    rows : tuple of Row
-    groups : tuple of str
-        Titles of groups of equal size of the columns after the first; () for one group.
-    """
+    """A table as text; ``groups`` are titles of equal groups of the columns after the first."""
 
     caption: str
     columns: tuple[str, ...]

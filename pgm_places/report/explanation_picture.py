@@ -73,14 +73,7 @@ def _gate_text(found: CellExplanation) -> str:
 
 
 def explanation_picture(taught: InteractiveResult, found: CellExplanation) -> bytes:
-    """A PNG file: the scan over the labelled map, and the features with the largest votes.
-
-    Parameters
-    ----------
-    taught : InteractiveResult
-    found : CellExplanation
-        The explanation of one of its cells.
-    """
+    """A PNG file: the scan over the labelled map, and the features with the largest votes."""
     colours = dict(zip(taught.label_names, label_colours(taught.label_names), strict=True))
     votes = [question.votes[:_MOST_VOTES] for question in found.questions]
     height = _EDGE + 74 + sum((len(part) + 3) * _ROW for part in votes) + 40

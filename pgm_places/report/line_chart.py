@@ -18,13 +18,7 @@ _DPI = 100
 
 
 class PixelFigure:
-    """A white figure whose parts are placed by pixels from the upper left corner.
-
-    Parameters
-    ----------
-    width, height : int
-        Size of the picture in pixels.
-    """
+    """A white figure whose parts are placed by pixels from the upper left corner."""
 
     def __init__(self, width: int, height: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -123,15 +117,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart as an image of a page.
-
-    Parameters
-    ----------
-    svg : str
-        The file.
-    words : str
-        Description for screen readers.
-    """
+    """A chart as an image of a page: the SVG file, and a description for screen readers."""
 
     svg: str
     words: str
@@ -148,15 +134,7 @@ def line_chart(
     """The chart with its legend; None where no line has a point.
 
     Points that are not finite are left out. Positive values that spread over more than a factor of
-    100 get a logarithmic axis.
-
-    Parameters
-    ----------
-    lines : sequence of Line
-    x_name, y_name : str
-        What the axes show.
-    shares : bool
-        Both axes go from 0 to 1, with a diagonal, and points are marked.
+    100 get a logarithmic axis. With ``shares``, both axes go from 0 to 1, with a diagonal.
     """
     drawn = [(line, *line.finite()) for line in lines]
     drawn = [item for item in drawn if len(item[1])]

@@ -34,18 +34,7 @@ _LEAST_WIDTH = 1000
 
 @dataclass(frozen=True)
 class Layer:
-    """A picture of a test map.
-
-    Parameters
-    ----------
-    map_index : int
-        Which map; the viewer flips between the layers of one map.
-    name : str
-        Its name among the map's layers.
-    words, caption : str
-        Its content, in full and in short.
-    canvas : Canvas
-    """
+    """A picture of a test map; the viewer flips between the layers of one map."""
 
     map_index: int
     name: str

@@ -21,21 +21,9 @@ PAPER = ("Relaxation", "AssociativeMarkovNetwork")
 
 @dataclass(frozen=True)
 class MethodSummary:
-    """A method on the first page.
+    """A method on the first page: the 95 % interval of its accuracy, its pictures of the first map.
 
-    Parameters
-    ----------
-    method : MethodResult
-    low, high : float
-        The 95 % interval of its accuracy.
-    words : str
-        Comparison with the most accurate method.
-    learning : str
-        Training time.
-    is_best : bool
-        Whether it is significantly better than all others.
-    labels, errors : Layer
-        Its labels of the first map, and their errors.
+    ``is_best``: significantly better than all others.
     """
 
     method: MethodResult
@@ -50,19 +38,9 @@ class MethodSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """The first page.
+    """The first page: the main comparison, and the methods, the most accurate first.
 
-    Parameters
-    ----------
-    headline, cost : str
-        The main comparison in a sentence, and the cost of both methods.
-    truth : Layer
-        The first map with its true labels.
-    standings : sequence of MethodSummary
-        The most accurate first.
-    scale : AccuracyAxis
-    n_more : int
-        Number of methods that are not drawn.
+    ``n_more`` methods are not drawn.
     """
 
     headline: str

@@ -39,14 +39,7 @@ from pgm_places.unary.training_cells import training_features
 
 @dataclass(frozen=True, eq=False)
 class CellPaint:
-    """Paint on the cells that are labelled.
-
-    Parameters
-    ----------
-    raster : (h, w) int16
-        Index into ``classes`` of each painted cell, -1 elsewhere.
-    classes : tuple of str
-    """
+    """Paint (h, w) on the cells that are labelled: indices into ``classes``, -1 elsewhere."""
 
     raster: NDArray[np.int16]
     classes: tuple[str, ...]
@@ -66,17 +59,9 @@ class CellPaint:
 
 @dataclass(eq=False)
 class CellTable:
-    """Laser and custom features of all free cells of a map.
+    """Laser and custom features of all free cells of a map, at the resolution that is labelled.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        At the resolution that is labelled.
-    sensor : Sensor
-    features : tuple
-        Custom features.
-    max_bytes : int
-        Memory for the features of all cells; those of larger maps are recomputed.
+    Features of maps that need more than ``max_bytes`` are recomputed.
     """
 
     grid: OccupancyGrid
@@ -140,14 +125,7 @@ models."""
 
 @dataclass(frozen=True, eq=False)
 class Learning:
-    """Training on the paint of one map.
-
-    Parameters
-    ----------
-    table : CellTable
-        The map's cells.
-    options : TeachingOptions
-    """
+    """Training on the paint of one map."""
 
     table: CellTable
     options: TeachingOptions
@@ -277,11 +255,6 @@ def learned_alone(paint: CellPaint, table: CellTable, options: TeachingOptions) 
 
     It has a list of trees with space features, a short list of stumps on laser features, a list
     of gates if both doorways and other openings are painted, and a light Potts field.
-
-    Raises
-    ------
-    LabelError
-        Fewer than two classes are painted.
     """
     from pgm_places.models.decision_list import DecisionListClassifier
 
