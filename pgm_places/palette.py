@@ -53,7 +53,7 @@ class Swatch:
 GROUND_SWATCHES = (
     Swatch("occupied", WALL),
     Swatch("unknown", UNKNOWN),
-    Swatch("free, unlabelled", IGNORED, hatched=True),
+    Swatch("free, no label", IGNORED, hatched=True),
 )
 
 

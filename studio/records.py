@@ -215,7 +215,9 @@ def reasons_record(taught: InteractiveResult, x_m: float, y_m: float) -> dict[st
         "questions": [
             {
                 **{name: getattr(question, name) for name in QUESTION_KEYS},
-                "votes": [asdict(vote) for vote in _strongest(question.votes)],
+                "votes": [
+                    {**asdict(vote), "unit": vote.unit} for vote in _strongest(question.votes)
+                ],
             }
             for question in found.questions
         ],

@@ -116,7 +116,7 @@ def cut_line(
 
 
 def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
-    """Whether a doorway of runs (n, 3), beside the other doorways, separates its two sides locally."""
+    """Whether a doorway of runs (n, 3), with the other doorways, parts its two sides locally."""
     if not len(runs):
         return False
     window, line = mask_of_runs(runs, grid.shape, int(np.ceil(AROUND_M / grid.resolution_m)))

@@ -282,7 +282,7 @@ class _Tally:
 
 @dataclass(frozen=True)
 class Plan:
-    """Names of maps to label, those among them that failed before, labelled ones and colliding ones."""
+    """Names of maps to label, of those the ones that failed before, labelled and colliding ones."""
 
     to_label: tuple[str, ...]
     again: tuple[str, ...]

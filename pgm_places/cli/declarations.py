@@ -59,7 +59,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An argument or option of a command; ``inspect.Parameter.empty`` is the default if required."""
+    """An argument or option of a command; a required one has the default ``Parameter.empty``."""
 
     name: str
     hint: Any

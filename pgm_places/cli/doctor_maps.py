@@ -50,7 +50,7 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Speed:
-    """Labelling speed with a model: processor time per unit of :attr:`Forecast.work`, on one thread."""
+    """Labelling speed with a model, on one thread: processor time per unit of work."""
 
     seconds_per_cell: float
 

@@ -42,9 +42,9 @@ def explain(
     from pgm_places.labelling.options import ModelOptions
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
-    from pgm_places.teaching.feature_units import value_with_unit
     from pgm_places.teaching.interactive_labeler import InteractiveLabeler
     from pgm_places.teaching.paint import Paint
+    from pgm_places.teaching.reasons import value_with_unit
 
     progress = make_progress(quiet=quiet)
     loaded = LoadedModel.load(ModelOptions(model=model, method=method))

@@ -47,7 +47,7 @@ def earlier_title(folder: Path) -> str | None:
 
 
 class MapPage:
-    """The page of a labelled map, rendered by the packing thread; ``names`` are the folder's files."""
+    """The page of a labelled map, rendered by the packing thread."""
 
     def __init__(
         self,

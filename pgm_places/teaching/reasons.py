@@ -1,4 +1,4 @@
-"""Reasons for the label of a cell or place, as data: votes, questions, neighbours, gates."""
+"""Reasons for a label as data: votes of features with their units, neighbours, gates."""
 
 from dataclasses import dataclass
 
@@ -31,6 +31,11 @@ class FeatureVote:
     value: float
     threshold: float
     log_odds: float
+
+    @property
+    def unit(self) -> str:
+        """The unit of the value and the threshold."""
+        return unit_of(self.name, of_space=self.of_space)
 
 
 @dataclass(frozen=True)
@@ -160,3 +165,49 @@ class RegionExplanation:
     region: Region
     features: dict[str, float]
     gates: tuple[tuple[Gate, float], ...]
+
+
+_LASER = {
+    "m": ("f2", "f2_sd", "f3", "f6", "f8", "f8_sd", "f9", "f9_sd", "f17", "f18", "f25"),
+    "m²": ("f5",),
+    "1/m": ("f7",),
+    "rad": ("f26",),
+}
+_SPACE = {
+    "m": (
+        *("radius", "clearance", "short", "long", "widest", "largest_radius"),
+        *("way_out", "way_out_width"),
+    ),
+    "m²": ("area", "neighbour_area", "largest_area"),
+    "1/m": (
+        *("opening_density", "narrow_density"),
+        *("gate_density", "gates_along", "one_gate_density"),
+    ),
+}
+_OF_LASER, _OF_SPACE = (
+    {name: unit for unit, names in table.items() for name in names} for table in (_LASER, _SPACE)
+)
+
+
+def unit_of(name: str, *, of_space: bool) -> str:
+    """The unit of a laser or space feature; "" for shares, counts and ratios.
+
+    Examples
+    --------
+    >>> unit_of("way_out[0.9]", of_space=True), unit_of("f14[0.5]", of_space=False)
+    ('m', '')
+    """
+    return (_OF_SPACE if of_space else _OF_LASER).get(name.partition("[")[0], "")
+
+
+def value_with_unit(name: str, value: float, *, of_space: bool) -> str:
+    """A feature's value to three digits, with its unit if it has one.
+
+    Examples
+    --------
+    >>> value_with_unit("way_out[0.9]", 3.14159, of_space=True)
+    '3.14 m'
+    >>> value_with_unit("f14[0.5]", 12.0, of_space=False)
+    '12'
+    """
+    return f"{value:.3g} {unit_of(name, of_space=of_space)}".rstrip()

@@ -194,9 +194,9 @@ class TopologicalMap(Plotted):
         InputError
             A name is neither a place nor a class.
         """
-        wanted = set(names)
-        for name in sorted(wanted.difference(self.label_names)):
-            self.place(name)
+        wanted, known = set(names), [*self.label_names, *self._by_name]
+        for name in sorted(wanted.difference(known)):
+            raise InputError(f"there is no class or place {name!r}. {nearest_name(name, known)}")
         return tuple(r.id for r in self.regions if {r.name, r.label} & wanted)
 
     def region_at(self, x_m: float, y_m: float) -> Region | None:

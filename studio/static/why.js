@@ -99,7 +99,7 @@ export class Why {
         h("p", { className: "small" }, `Its scan says ${signed(question.from_scan)}, the space around it ${signed(question.from_spaces)} (log-odds).`),
         h("dl", { className: "facts" }, question.votes.flatMap((vote) => [
           h("dt", {}, vote.name),
-          h("dd", { title: `It weighs most at ${short(vote.threshold)}` }, `${short(vote.value)}  `, h("b", {}, signed(vote.log_odds))),
+          h("dd", { title: `It weighs most at ${withUnit(vote.threshold, vote.unit)}` }, `${withUnit(vote.value, vote.unit)}  `, h("b", {}, signed(vote.log_odds))),
         ]))));
     if (networks) parts.unshift(h("section", {}, h("h2", {}, "Seen in the whole floor"), this.#bars(networks)));
     const notes = [];
@@ -133,6 +133,7 @@ export class Why {
 
 const signed = (value) => (value < 0 ? "−" : "+") + Math.abs(value).toFixed(2);
 const short = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : Number(value.toPrecision(3)).toString());
+const withUnit = (value, unit) => (unit ? `${short(value)} ${unit}` : short(value));
 
 /** A probability in words of a table: never 0 % or 100 % unless it is. */
 export function percent(value) {

@@ -45,6 +45,8 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
     for question in reasons["questions"]:
         votes = [vote["log_odds"] for vote in question["votes"]]
         assert votes == [v for v in votes if v > 0] + [v for v in votes if v < 0]
+    units = {vote["unit"] for question in reasons["questions"] for vote in question["votes"]}
+    assert {"m", ""} <= units <= {"m", "m²", "1/m", "rad", ""}
     assert taught.get("reasons", params={"x_m": 0, "y_m": 0}).status_code == 400
 
     places = taught.get("places").json()

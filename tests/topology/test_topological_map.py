@@ -91,7 +91,8 @@ def test_known_places_are_listed_in_the_order_of_their_numbers() -> None:
 
 
 def test_a_class_without_a_name_on_the_map_is_no_place() -> None:
-    with pytest.raises(InputError, match=r"there is no place 'hall'\. Known: corridor 4, doorway"):
+    wanted = r"there is no class or place 'hall'\. Known: corridor, corridor 4, doorway, doorway"
+    with pytest.raises(InputError, match=wanted):
         floor_map().ids_of(["hall"])
 
 

@@ -113,9 +113,8 @@ def mask_values(
     A place's value overrides its class's. By default each class has its number, from 1.
     """
     values = _named(topology, values)
+    topology.ids_of(values)
     for name, value in values.items():
-        if name not in topology.label_names:
-            topology.place(name)
         if not 0 <= value <= MOST:
             raise InputError(f"the mask's value of {name!r} must be 0 to {MOST}, got {value}")
     table = np.zeros(topology.next_id, np.uint8)

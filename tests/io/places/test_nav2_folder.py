@@ -167,9 +167,9 @@ def test_no_way_leads_into_the_mask_that_keeps_out(tmp_path: Path) -> None:
 
 def test_names_that_are_neither_place_nor_class_are_refused(tmp_path: Path) -> None:
     topology = floor_map()
-    with pytest.raises(InputError, match="there is no place 'rom'"):
+    with pytest.raises(InputError, match="there is no class or place 'rom'"):
         topology.ids_of(["room", "rom"])
-    with pytest.raises(InputError, match="there is no place 'corridr'"):
+    with pytest.raises(InputError, match="there is no class or place 'corridr'"):
         write_nav2(tmp_path, topology, route_graph(topology), speeds_m_s={"corridr": 1.0})
 
 

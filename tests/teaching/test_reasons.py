@@ -14,14 +14,10 @@ from pgm_places.spaces.space_spec import (
     SEGMENT_FEATURES,
     SpaceSpec,
 )
-from pgm_places.teaching.feature_units import value_with_unit
+from pgm_places.teaching.reasons import unit_of
 from tests.spaces.floors import corridor_with_rooms, grid_of
 
 POWERS = {"m": 1, "m²": 2, "1/m": -1, "rad": 0, "": 0}
-
-
-def unit_of(name: str, *, of_space: bool) -> str:
-    return value_with_unit(name, 1.0, of_space=of_space).partition(" ")[2]
 
 
 def test_laser_features_grow_as_their_units_say() -> None:
