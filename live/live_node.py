@@ -11,9 +11,8 @@ from pgm_places.errors import InputError
 from pgm_places.io.logs.bag_poses import FrameBuffer, Place, SoughtPose, check_place, planar
 from pgm_places.io.logs.bags import ScanMessages
 from pgm_places.live.health import Health
-from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.live_options import LiveOptions, NodeOptions
-from pgm_places.live.map_process import MapLabellingService
+from pgm_places.live.map_process import LatestMap, MapLabellingService
 from pgm_places.live.place_finder import DIGITS, FoundPlace, MapView, PlaceFinder, PlaceOfMap
 from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.sensing.map_agreement import WARN_BELOW

@@ -11,7 +11,7 @@ from pgm_places.maps.coarsening import Coarsening
 from pgm_places.studio.layers import GROUNDS, TILE, value_colours
 from pgm_places.studio.session import MapSession
 from pgm_places.teaching.explanation import explain_cell
-from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.interactive_labeler import InteractiveResult
 from pgm_places.teaching.reasons import FeatureVote
 from pgm_places.topology.checks import PlaceCheck
 from pgm_places.topology.topological_map import TopologicalMap, gate_record

@@ -18,14 +18,13 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.options import check_option, from_mapping
 from pgm_places.options.marks import Ge, Le
 from pgm_places.studio import strokes
-from pgm_places.studio.building_bounds import building_bounds
 from pgm_places.studio.journal import SourceFile
-from pgm_places.studio.layers import GivenLabels, Layers
-from pgm_places.studio.learner import Learner
+from pgm_places.studio.layers import GivenLabels, Layers, building_bounds
 from pgm_places.studio.paint_migration import opened_painting
 from pgm_places.studio.painting import Classes
 from pgm_places.studio.relabelling import (
     LabelChanges,
+    Learner,
     Relabeller,
     Relabelling,
     RelabelRequest,
@@ -33,7 +32,7 @@ from pgm_places.studio.relabelling import (
     share_that_agrees,
 )
 from pgm_places.studio.runs import Window, runs_of_mask, runs_over
-from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.interactive_labeler import InteractiveResult
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.checks import SplitCandidate, split_candidates
 from pgm_places.topology.cuts import cut_along, place_along, runs_between

@@ -7,8 +7,7 @@ from experiments.paper.markdown import STAND_IN_WARNING, overview_table
 from experiments.paper.run import data_for
 from experiments.paper.run import reproduce as run_sections
 from experiments.paper.sections import SECTIONS, chosen_sections
-from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import make_progress, say
+from pgm_places.cli.terminal import make_progress, say, text_table
 from pgm_places.io.output_set import claim
 
 

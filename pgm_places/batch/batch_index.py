@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pgm_places.batch.append_only_csv import AppendOnlyCsv, Row, sort_key
 from pgm_places.batch.map_task import Failure, LabelledRow
 from pgm_places.batch.overview import PAGE_MARK, Overview, overview_page
-from pgm_places.batch.remote_index import RemoteIndex, remote_index
+from pgm_places.batch.remote_maps import RemoteIndex, remote_index
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.input_file import is_address

@@ -52,7 +52,7 @@ def run(words: Sequence[str]) -> None:
     if first in COMMANDS:
         _run(command(first), others)
     elif first in HELP_SWITCHES:
-        from pgm_places.cli.help import help_of_all
+        from pgm_places.cli.command import help_of_all
 
         groups = {
             title: [command(name) for _, *names in group for name in names]
@@ -64,7 +64,7 @@ def run(words: Sequence[str]) -> None:
 
         say(f"pgm-places {__version__}")
     elif first == "--show-completion":
-        from pgm_places.cli.help import completion
+        from pgm_places.cli.command import completion
 
         say(completion(_OPTIONS, map(command, COMMANDS)))
     elif first.startswith("-"):
@@ -76,7 +76,7 @@ def run(words: Sequence[str]) -> None:
 def _run(chosen: Command, words: Sequence[str]) -> None:
     options = words[: words.index("--")] if "--" in words else words
     if any(word in HELP_SWITCHES for word in options):
-        from pgm_places.cli.help import help_of
+        from pgm_places.cli.command import help_of
 
         say(help_of(chosen))
     else:

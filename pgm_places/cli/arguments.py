@@ -1,10 +1,20 @@
-"""The arguments that several commands share."""
+"""Parameters that several commands take, and the maps and label images that they name."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import pgm_places as pp
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.options import UnknownGrey, Whole
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pgm_places.io.maps.map_server import MapFile
+    from pgm_places.options import UnknownGrey
+    from pgm_places.progress import Progress
+
 
 Config = Annotated[Path, Argument(metavar="CONFIG.toml", help="Experiment configuration (TOML).")]
 Places = Annotated[Path, Argument(metavar="DIR", help="Folder written by label or topology.")]
@@ -44,3 +54,21 @@ ForceMisfit = Annotated[
         "write, or that were changed since.",
     ),
 ]
+
+
+def read_map(path: Path, unknown_value: "UnknownGrey | None", progress: "Progress") -> "MapFile":
+    """A map, with its warnings on standard error."""
+    loaded = pp.load_map(path, unknown_value=unknown_value)
+    for message in loaded.warnings:
+        progress.warn(message)
+    return loaded
+
+
+def read_labels(
+    path: Path, grid: "pp.OccupancyGrid", names_path: Path | None = None
+) -> "tuple[tuple[str, ...], NDArray[np.int16]]":
+    """The label names of a label image, and the label of each cell."""
+    from pgm_places.io.maps.label_values import listed_names
+
+    names = listed_names(path, names_path)
+    return names, pp.load_labels(path, names, grid=grid, names_path=names_path)

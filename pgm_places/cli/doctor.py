@@ -10,8 +10,7 @@ from pgm_places._version import __version__
 from pgm_places.cli.arguments import Model, UnknownValue
 from pgm_places.cli.declarations import Argument
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
-from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import say, text_table
 from pgm_places.errors import InputError
 from pgm_places.options import UnknownGrey
 

@@ -12,8 +12,7 @@ import numpy as np
 import pgm_places as pp
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.map_task import Failure, MapTask, label_one
-from pgm_places.cli.tables import shares_line, text_table
-from pgm_places.cli.terminal import make_progress, say
+from pgm_places.cli.terminal import make_progress, say, shares_line, text_table
 from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.maps.map_server import MapFile, correct_map, save_map
 from pgm_places.labelers.labelled_places import at_model_resolution

@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import grouped
 from pgm_places.cli.label import WorkerOptions, make_workers
-from pgm_places.cli.tables import comparison_table
-from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
+from pgm_places.cli.terminal import (
+    comparison_table,
+    complain,
+    make_progress,
+    say,
+    say_next,
+    say_written,
+)
 from pgm_places.errors import InputError
 from pgm_places.options import Seed
 from pgm_places.options.marks import Ge, Le

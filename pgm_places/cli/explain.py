@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from pgm_places.cli.arguments import Method, Model, Quiet, Threads, UnknownValue
+from pgm_places.cli.arguments import Method, Model, Quiet, Threads, UnknownValue, read_map
 from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.inputs import read_map
 from pgm_places.cli.terminal import make_progress, say
 
 

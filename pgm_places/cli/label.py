@@ -7,12 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pgm_places.cli import declarations
-from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
+from pgm_places.cli.arguments import (
+    Force,
+    Method,
+    Model,
+    Out,
+    Quiet,
+    Threads,
+    UnknownValue,
+    read_map,
+)
 from pgm_places.cli.declarations import Argument, GivenOptions, Option, grouped
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
-from pgm_places.cli.inputs import read_map
-from pgm_places.cli.tables import shares_line
-from pgm_places.cli.terminal import make_progress, say, say_next, say_written
+from pgm_places.cli.terminal import make_progress, say, say_next, say_written, shares_line
 from pgm_places.errors import InputError
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.options import Positive, option_hints

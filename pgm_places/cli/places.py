@@ -8,10 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import pgm_places as pp
-from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownValue
+from pgm_places.cli.arguments import (
+    Force,
+    Out,
+    Place,
+    Places,
+    Quiet,
+    UnknownValue,
+    read_labels,
+    read_map,
+)
 from pgm_places.cli.declarations import Argument, GivenOptions, Option, option_flags
 from pgm_places.cli.entry import EXIT_NOT_FOUND
-from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.places.result_folder import MANIFEST_FILE, NAMES_FILE

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import pgm_places as pp
-from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue
+from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue, read_labels, read_map
 from pgm_places.cli.declarations import Argument, Option, option_flags
-from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
@@ -219,7 +218,7 @@ def _picture(place: "pp.LabelledMap", names: tuple[str, ...], driven: "pp.Trajec
 def _summary(driven: "pp.Trajectory") -> str:
     import numpy as np
 
-    from pgm_places.cli.tables import text_table
+    from pgm_places.cli.terminal import text_table
 
     seconds = driven.times_s[-1] - driven.times_s[0]
     n_beams = 0 if driven.geometry is None else driven.geometry.n_beams

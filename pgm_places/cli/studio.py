@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import pgm_places as pp
-from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
+from pgm_places.cli.arguments import Quiet, Threads, UnknownValue, read_labels, read_map
 from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import InputError
 from pgm_places.options.marks import Ge, Le

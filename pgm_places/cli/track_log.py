@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import pgm_places as pp
+from pgm_places.cli.arguments import read_map
 from pgm_places.cli.declarations import named_as_flags
-from pgm_places.cli.inputs import read_map
-from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import make_progress, say, say_next, say_written
+from pgm_places.cli.terminal import make_progress, say, say_next, say_written, text_table
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
 from pgm_places.features.object_counts import ObjectCounts

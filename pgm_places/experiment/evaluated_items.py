@@ -14,7 +14,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.pictures.graph_layout import GraphLayout
+from pgm_places.pictures.canvas import GraphLayout
 from pgm_places.spaces.doorways import DoorScores, match_doors, match_painted
 from pgm_places.trajectories.path import PathLayout
 from pgm_places.trajectories.trajectory import Trajectory

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.palette import label_colours
 from pgm_places.pictures.canvas import label_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
-from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.interactive_labeler import InteractiveResult
 from pgm_places.teaching.reasons import CellExplanation, FeatureVote, Question, value_with_unit
 
 _EDGE, _MAP, _ROW, _PANEL = 24, 560, 21, 500

@@ -22,7 +22,7 @@ from pgm_places.spaces.places import place_features
 from pgm_places.spaces.segmentation import RATIOS
 from pgm_places.spaces.space_spec import PLACE_FEATURES
 from pgm_places.teaching import reasons
-from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.interactive_labeler import InteractiveResult
 from pgm_places.unary.space_model import MapSpaces, gate_log_odds
 
 

@@ -13,7 +13,7 @@ from pgm_places.batch.batch_folder import index_folder
 from pgm_places.batch.batch_index import BatchIndex
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, label_batch
-from pgm_places.batch.remote_index import RemoteIndex
+from pgm_places.batch.remote_maps import RemoteIndex
 from pgm_places.errors import InputError
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.cli.tables import comparison_table
+from pgm_places.cli.terminal import comparison_table
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment

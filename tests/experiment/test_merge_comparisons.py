@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pgm_places.batch.several_runs import compare_several, run_tasks
-from pgm_places.cli.tables import comparison_table
+from pgm_places.cli.terminal import comparison_table
 from pgm_places.evaluation.bootstrap import Resamples, SignTest, pooled
 from pgm_places.experiment.comparison import Comparison, over_seeds
 from pgm_places.experiment.evaluated_items import blocks_of

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.cli.tables import comparison_table
+from pgm_places.cli.terminal import comparison_table
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.experiment import Experiment

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.live.latest_map import LatestMap
+from pgm_places.live.map_process import LatestMap
 from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.live.robot import raw_map

@@ -6,7 +6,7 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.pictures.graph_layout import GraphLayout
+from pgm_places.pictures.canvas import GraphLayout
 
 GRAPHS = {
     "positions": LabelGraph.from_points(np.random.default_rng(0).random((50, 2)), n_neighbours=3),

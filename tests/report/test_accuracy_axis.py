@@ -4,7 +4,7 @@ import pytest
 
 from pgm_places.evaluation.bootstrap import Interval, SignTest
 from pgm_places.experiment.significance import Difference
-from pgm_places.report.summary import AccuracyAxis, _evidence
+from pgm_places.report.comparison_page import AccuracyAxis, _evidence
 
 
 @pytest.mark.parametrize(("low", "shown"), [(-0.00004, "0.0 to"), (-0.0006, "−0.06 to")])

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from pgm_places.cli.tables import comparison_table
+from pgm_places.cli.terminal import comparison_table
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.bootstrap import Interval, SignTest
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
@@ -23,9 +23,8 @@ from pgm_places.experiment.significance import Difference
 from pgm_places.inference.labeling import Status
 from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.comparison_files import comparison_record
-from pgm_places.report.comparison_page import report_page, write_report
+from pgm_places.report.comparison_page import report_page, summary_of, write_report
 from pgm_places.report.comparison_tables import comparison_tables
-from pgm_places.report.summary import summary_of
 from pgm_places.spaces.doorways import DoorScores
 from tests.report.comparisons import small_comparison
 

@@ -12,7 +12,7 @@ import pytest
 
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.studio.app import application
+from pgm_places.studio.server import application
 from pgm_places.studio.session import MapSession
 from pgm_places.studio.session_pool import SessionPool
 

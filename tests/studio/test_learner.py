@@ -8,7 +8,7 @@ import pytest
 
 from pgm_places.errors import LabelError
 from pgm_places.progress import Progress
-from pgm_places.studio.learner import Learner
+from pgm_places.studio.relabelling import Learner
 
 
 def until(condition: Callable[[], bool]) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.studio.app import static_files
 from pgm_places.studio.request_guard import MOST_BYTES, POLICY
+from pgm_places.studio.server import static_files
 from pgm_places.studio.session import MapSession
 from tests.studio.conftest import HOST, PORT, TOKEN, Client
 
@@ -95,7 +95,8 @@ def test_a_body_that_is_too_large_is_refused_whatever_its_length_says(client: Cl
 
 
 @pytest.mark.parametrize(
-    "path", ["static/../app.py", "static/%2e%2e%2fapp.py", "static/app.py", "static//etc/passwd"]
+    "path",
+    ["static/../server.py", "static/%2e%2e%2fserver.py", "static/server.py", "static//etc/passwd"],
 )
 def test_no_other_file_is_read(client: Client, path: str) -> None:
     assert client.get(path).status_code in (403, 404)

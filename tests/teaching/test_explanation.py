@@ -11,8 +11,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.simulation import generate_building
 from pgm_places.teaching.explanation import explain_cell, explain_region
-from pgm_places.teaching.interactive_labeler import InteractiveLabeler
-from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler, InteractiveResult
 from pgm_places.teaching.reasons import CellExplanation
 from pgm_places.trained import trained_labeler
 

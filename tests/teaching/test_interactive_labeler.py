@@ -20,8 +20,7 @@ from pgm_places.persistence.stored import load, save
 from pgm_places.progress import Silent, Stage
 from pgm_places.simulation import LabelledBuilding, generate_building
 from pgm_places.teaching import learning
-from pgm_places.teaching.interactive_labeler import InteractiveLabeler
-from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler, InteractiveResult
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.training_selection import TeachingOptions
 from pgm_places.topology.rules import TopologyOptions
