@@ -104,14 +104,21 @@ class Version:
     saved_at: float
 
 
+class _State(NamedTuple):
+    """What a painting has besides its cells."""
+
+    classes: Classes
+    names: Names
+    cuts: Cuts
+    learns: bool
+
+
 class _Change(NamedTuple):
-    """The effect of an edit: changed cells, and the other values before and after it."""
+    """The effect of an edit: changed cells, and the state before and after it."""
 
     repaint: Repaint
-    classes: tuple[Classes, Classes]
-    names: tuple[Names, Names]
-    cuts: tuple[Cuts, Cuts]
-    learns: tuple[bool, bool]
+    before: _State
+    after: _State
 
 
 class _Step(NamedTuple):
@@ -264,42 +271,39 @@ class Painting:
 
     def _change(self, entry: Entry) -> _Change:
         """The change of the present state by an entry."""
-        kind = entry["op"]
-        repaint, classes, names = Repaint.nothing(), self.classes, self.names
-        cuts, learns = self.cuts, self.learns
+        kind, repaint, state = entry["op"], Repaint.nothing(), self._state
         if kind == "paint":
             repaint = self._painted(entry["runs"], entry["label"])
         elif kind == "class":
             made = PlaceClass(entry["name"], entry["colour"])
-            classes = classes.with_class(entry["index"], made)
+            state = state._replace(classes=self.classes.with_class(entry["index"], made))
         elif kind == "drop":
             index = int(entry["index"])
-            left = np.arange(len(classes) + 1, dtype=np.int16)
+            left = np.arange(len(self.classes) + 1, dtype=np.int16)
             left[index:] -= 1
             left[[index, -1]] = -1  # the last entry serves -1
-            classes = classes.without(index)
+            state = state._replace(classes=self.classes.without(index))
             repaint = Repaint.between(self.labels, left[self.labels])
         elif kind == "name":
             replaced = {tuple(at) for at in entry["replaces"]}
-            names = {at: name for at, name in names.items() if at not in replaced}
+            names = {at: name for at, name in self.names.items() if at not in replaced}
             x, y = entry["at"]
             if entry["name"]:
                 names[float(x), float(y)] = str(entry["name"])
+            state = state._replace(names=names)
         elif kind == "cuts":
-            cuts = check_option("lines_m", Cuts, entry["lines_m"])
+            state = state._replace(cuts=check_option("lines_m", Cuts, entry["lines_m"]))
         elif kind == "restore":
-            repaint, classes, names, cuts, learns = self._way_back(int(entry["revision"]))
+            repaint, state = self._way_back(int(entry["revision"]))
         elif kind == "learn":
-            learns = check_option("on", bool, entry["on"])
+            state = state._replace(learns=check_option("on", bool, entry["on"]))
         else:
             raise InputError(f"unknown edit {kind!r}")
-        return _Change(
-            repaint,
-            (self.classes, classes),
-            (self.names, names),
-            (self.cuts, cuts),
-            (self.learns, learns),
-        )
+        return _Change(repaint, self._state, state)
+
+    @property
+    def _state(self) -> _State:
+        return _State(self.classes, self.names, self.cuts, self.learns)
 
     def _painted(self, listed: list[int], label: int) -> Repaint:
         runs = checked_runs(np.array(listed, np.int64), self.grid.shape)
@@ -307,23 +311,22 @@ class Painting:
             raise InputError(f"no class {label}")
         return Repaint.of_runs(self.labels, runs, int(label))
 
-    def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names, Cuts, bool]:
+    def _way_back(self, revision: int) -> tuple[Repaint, _State]:
         """The change back from the present state to that after the first entries."""
         if not 0 <= revision <= self.revision:
             raise InputError(f"no revision {revision}")
-        labels, classes, names = self.labels.copy(), self.classes, self.names
-        cuts, learns = self.cuts, self.learns
+        labels, state = self.labels.copy(), self._state
         for step in reversed(self._steps[revision:]):
             if step is not None:
                 change, forward = step
                 change.repaint.put(labels, forward=not forward)
-                classes, names = change.classes[not forward], change.names[not forward]
-                cuts, learns = change.cuts[not forward], change.learns[not forward]
-        return Repaint.between(self.labels, labels), classes, names, cuts, learns
+                state = change.before if forward else change.after
+        return Repaint.between(self.labels, labels), state
 
     def _take(self, step: _Step) -> Window | None:
         change, forward = step
-        self.classes, self.names = change.classes[forward], change.names[forward]
-        self.cuts, self.learns = change.cuts[forward], change.learns[forward]
+        self.classes, self.names, self.cuts, self.learns = (
+            change.after if forward else change.before
+        )
         change.repaint.put(self.labels, forward=forward)
         return change.repaint.part

@@ -94,6 +94,7 @@ class MapSession:
         self.ids, self.ids_notice = self._earlier_ids()
         self._edit_undo, self._edit_redo = self.painting.undo, self.painting.redo
         self._edit_version, self._edit_restore = self.painting.save_version, self.painting.restore
+        self._edit_learn = self.painting.set_learning
         self.layers = Layers(
             self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
         )
@@ -295,9 +296,6 @@ class MapSession:
             name = self.painting.classes.names[max(0, index)]
             raise InputError(f"{name!r} belongs to the model or to the labels to compare with")
         return self.painting.drop_class(index)
-
-    def _edit_learn(self, on: bool) -> None:
-        self.painting.set_learning(on)
 
     @property
     def learns(self) -> bool:

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -137,18 +137,10 @@ def names_in_the_way(maps: Iterable[FoundMap]) -> Iterator[Failure]:
             yield Failure(map_.name, str(map_.path), "MapError", message)
 
 
-@dataclass(frozen=True)
-class Index:
-    """Counts of a batch folder, and its index files."""
-
-    overview: Overview
-    written: tuple[str, ...]
-
-
 def index_folder(
     folder: Path, *, parquet: bool = False, force: bool = False, progress: Progress
-) -> Index:
-    """Rebuild the index of all labelled maps below a folder or an address."""
+) -> tuple[Overview, list[str]]:
+    """Rebuild the index of all labelled maps below a folder or address; counts and file names."""
     if is_address(folder):
         places = (PLACES_FILE, OLD_PLACES_FILE) if parquet else ()
         wanted = (Path(MANIFEST_FILE).name, *places)
@@ -175,7 +167,7 @@ def _check_holds_results(shown: str, out: Path) -> None:
 
 def _listed(
     lists: BatchIndex, shown: str, parquet: bool, *, force: bool, progress: Progress
-) -> Index:
+) -> tuple[Overview, list[str]]:
     """Rebuild the index in a local folder; ``shown`` is its name in messages."""
     lists.begin(force=force)
     if parquet:
@@ -185,7 +177,7 @@ def _listed(
     with progress.stage("labelled maps"):
         overview = lists.end(lambda: lists.rebuild(lambda: _labelled(lists.out)))
     written = [path.name for path in lists.files()] + [PLACE_TABLE] * parquet
-    return Index(overview, tuple(f"{shown}/{name}" for name in written))
+    return overview, [f"{shown}/{name}" for name in written]
 
 
 def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:

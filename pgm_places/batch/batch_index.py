@@ -122,13 +122,9 @@ class BatchIndex:
     def end(self, settle: Callable[[], Overview] | None = None) -> Overview:
         """Write the final index; ``settle`` sorts the tables, by default :meth:`settle`."""
         settle = settle or partial(self.settle, at_the_end=True)
-        if self._remote is None:
-            overview = settle()
-            self._written_page(overview)
-            return overview
         overview = settle()
         self._written_page(overview)
-        if self._remote.is_unchanged:
+        if self._remote is None or self._remote.is_unchanged:
             return overview
         self._remote.put_tables(ended=True)  # before looking for the tables of other runs
         while True:

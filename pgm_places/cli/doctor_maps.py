@@ -5,7 +5,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -47,31 +46,20 @@ class Forecast:
         return _OF_A_MAP + _OF_A_CELL * self.n_cells + self.n_free
 
 
-@dataclass(frozen=True)
-class Speed:
-    """Labelling speed with a model, on one thread: processor time per unit of work."""
-
-    seconds_per_cell: float
-
-    @classmethod
-    def measured(cls, options: LabelOptions) -> Self:
-        """Measure the speed on a small generated floor, after a warm-up run."""
-        model = LoadedModel.load(options)
-        grid = generate_building(1, size="small", resolution_m=0.05).grid
-        used, _ = at_model_resolution(model.labeler, grid)
-        with tempfile.TemporaryDirectory(prefix="pgm-places-") as temporary:
-            folder = Path(temporary)
-            map_yaml, out = save_map(grid, folder / "floor"), folder / "out"
-            _, *seconds = [
-                _processor_seconds(MapTask("floor", map_yaml, out / name, options, model.sha256))
-                for name in ("first", "second", "third", "fourth")
-            ]
-        # Other load on the machine makes a run slower, never faster.
-        return cls(min(seconds) / Forecast(grid.cells.size, int(used.free.sum())).work)
-
-    def seconds(self, forecast: Forecast) -> float:
-        """Expected processor time of a map (s)."""
-        return self.seconds_per_cell * forecast.work
+def seconds_per_cell(options: LabelOptions) -> float:
+    """Processor time per unit of work with a model, measured on a small generated floor."""
+    model = LoadedModel.load(options)
+    grid = generate_building(1, size="small", resolution_m=0.05).grid
+    used, _ = at_model_resolution(model.labeler, grid)
+    with tempfile.TemporaryDirectory(prefix="pgm-places-") as temporary:
+        folder = Path(temporary)
+        map_yaml, out = save_map(grid, folder / "floor"), folder / "out"
+        _, *seconds = [  # the first warms up
+            _processor_seconds(MapTask("floor", map_yaml, out / name, options, model.sha256))
+            for name in ("first", "second", "third", "fourth")
+        ]
+    # Other load on the machine makes a run slower, never faster.
+    return min(seconds) / Forecast(grid.cells.size, int(used.free.sum())).work
 
 
 def _processor_seconds(task: MapTask) -> float:
@@ -140,11 +128,9 @@ class _Row:
     forecast: Forecast | None = None
     problems: tuple[str, ...] = ()
 
-    def cells(self, speed: Speed | None) -> list[str]:
-        """Texts of the table's columns."""
-        seconds = None
-        if speed is not None and self.forecast is not None:
-            seconds = speed.seconds(self.forecast)
+    def cells(self, speed: float) -> list[str]:
+        """Texts of the table's columns; ``speed`` in seconds per unit of work."""
+        seconds = None if self.forecast is None else speed * self.forecast.work
         return [
             self.name,
             "-" if self.resolution_m is None else f"{self.resolution_m:g}",
@@ -169,27 +155,24 @@ def check_maps(
             stage.update(len(rows) / len(chosen.maps), found_map.name)
     forecasts = [row.forecast for row in rows if row.forecast is not None]
     if not forecasts:
-        say(f"\n{_table(rows, None)}")
+        say(f"\n{_table(rows, 0.0)}")
     else:
         with progress.stage("speed of this machine"):
-            speed = Speed.measured(options)
+            speed = seconds_per_cell(options)
         say(f"\n{_table(rows, speed)}\n")
         say(
             f"{len(forecasts):,} of {len(rows):,} maps can be labelled: "
             f"{sum(forecast.n_free for forecast in forecasts):,} cells in about "
-            f"{duration(sum(map(speed.seconds, forecasts)))} of processor time"
+            f"{duration(speed * sum(forecast.work for forecast in forecasts))} of processor time"
         )
-        say(
-            "(estimated for one thread from a generated floor: "
-            f"{1e6 * speed.seconds_per_cell:.0f} µs per cell)"
-        )
+        say(f"(estimated for one thread from a generated floor: {1e6 * speed:.0f} µs per cell)")
     for row in rows:
         for problem in row.problems:
             say(f"{row.name}: {problem}")
     return len(forecasts) == len(rows)
 
 
-def _table(rows: Sequence[_Row], speed: Speed | None) -> str:
+def _table(rows: Sequence[_Row], speed: float) -> str:
     heading = ["map", "cell (m)", "free (m²)", "cells to label", "time (about)", "problems"]
     return text_table([heading, *(row.cells(speed) for row in rows)])
 

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack, closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +49,10 @@ def run_follow(options: TrackOptions) -> None:
         beams = {"beams__missing": "known-map", "beams__all_from_map": True}
         inputs = inputs._replace(labeler=inputs.labeler.with_options(**beams))
     follower = _Follower(inputs, options, progress)
-    with ExitStack() as stack:
-        files = None
-        if options.out is not None:
-            aside = output_set(options.out, "track", names=TRACK, force=options.force)
-            files = stack.enter_context(aside)
+    outputs = None
+    if options.out is not None:
+        outputs = output_set(options.out, "track", names=TRACK, force=options.force)
+    with outputs or nullcontext() as files:
         try:
             with closing(_scans(options, inputs)) as scans:
                 for scan in scans:

@@ -211,11 +211,12 @@ def index(
     """
     from pgm_places.batch.batch_folder import index_folder
 
-    listed = index_folder(folder, parquet=parquet, force=force, progress=make_progress(quiet=quiet))
-    failed = f", {listed.overview.n_failures:,} failed" if listed.overview.n_failures else ""
-    say(f"{listed.overview.n_rows:,} map{_s(listed.overview.n_rows)} labelled{failed}")
-    _say_gone(listed.overview)
-    for path in listed.written:
+    progress = make_progress(quiet=quiet)
+    overview, written = index_folder(folder, parquet=parquet, force=force, progress=progress)
+    failed = f", {overview.n_failures:,} failed" if overview.n_failures else ""
+    say(f"{overview.n_rows:,} map{_s(overview.n_rows)} labelled{failed}")
+    _say_gone(overview)
+    for path in written:
         say(f"wrote {path}")
 
 

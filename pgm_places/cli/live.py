@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -99,11 +99,10 @@ def _run_replay(flags: LiveFlags, log: Path, map_topic: str, options: LiveOption
 
     memory = PlaceIds() if flags.session is None else read_session(flags.session)
     run = _replay(flags, log, map_topic, options, memory)
-    with ExitStack() as stack:
-        files = None
-        if flags.out is not None:
-            aside = output_set(flags.out, "live", names=LIVE, force=flags.force)
-            files = stack.enter_context(aside)
+    outputs = None
+    if flags.out is not None:
+        outputs = output_set(flags.out, "live", names=LIVE, force=flags.force)
+    with outputs or nullcontext() as files:
         _say_all(run, None if files is None else files.stage, flags.jsonl)
     if flags.session is not None:
         write_session(flags.session, memory)
@@ -201,10 +200,8 @@ def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
     from pgm_places.live.live_map import LiveLabels
 
     last: LiveLabels | None = None
-    with ExitStack() as stack:
-        lines = None
-        if folder is not None:
-            lines = stack.enter_context((folder / PLACES_FILE).open("w", encoding="utf-8"))
+    table = None if folder is None else (folder / PLACES_FILE).open("w", encoding="utf-8")
+    with table or nullcontext() as lines:
         for event in run:
             if isinstance(event, LiveLabels):
                 last = event

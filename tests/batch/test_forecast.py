@@ -10,7 +10,7 @@ import pytest
 
 from pgm_places.batch.map_task import Failure, MapTask
 from pgm_places.cli import doctor_maps
-from pgm_places.cli.doctor_maps import Forecast, Speed
+from pgm_places.cli.doctor_maps import Forecast, seconds_per_cell
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelling.options import LabelOptions
@@ -41,13 +41,13 @@ def test_the_speed_is_that_of_the_faster_run_once_kernels_are_loaded(
     times = clock(30.0, 0.9, 0.6, 0.8)
     monkeypatch.setattr(doctor_maps, "label_one", labelled)
     monkeypatch.setattr(time, "process_time", lambda: next(times))
-    speed = Speed.measured(OPTIONS)
+    speed = seconds_per_cell(OPTIONS)
     assert len(folders) == 4  # one that is done would take no time
     assert len(set(cells)) == 1
-    assert speed.seconds(Forecast(*cells[0])) == pytest.approx(0.6)
+    assert speed * Forecast(*cells[0]).work == pytest.approx(0.6)
     assert not any(Path(folder).exists() for folder in folders)
     twice = Forecast(2 * cells[0][0], 2 * cells[0][1])
-    assert 0.6 < speed.seconds(twice) < 1.2  # some of the time goes to begin with a map
+    assert 0.6 < speed * twice.work < 1.2  # some of the time goes to begin with a map
 
 
 def test_a_floor_that_cannot_be_labelled_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +56,7 @@ def test_a_floor_that_cannot_be_labelled_is_said(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(doctor_maps, "label_one", failed)
     with pytest.raises(InputError, match="speed of this machine could not be measured: out of mem"):
-        Speed.measured(OPTIONS)
+        seconds_per_cell(OPTIONS)
 
 
 def test_a_floor_is_really_labelled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,4 +65,4 @@ def test_a_floor_is_really_labelled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         doctor_maps, "generate_building", lambda *_, **__: SimpleNamespace(grid=corner)
     )
-    assert Speed.measured(OPTIONS).seconds_per_cell > 0
+    assert seconds_per_cell(OPTIONS) > 0

@@ -30,10 +30,10 @@ def test_far_results_are_listed_anew(bucket: Any, model: Path, maps: Path, tmp_p
     bucket.rm_file("/out/summary.csv")
     bucket.rm_file("/out/failures.csv")
     bucket.rm("/out/floor2", recursive=True)
-    found = index_folder(Path("memory://out"), parquet=True, progress=Silent())
-    assert found.overview.n_rows == 1
-    assert found.overview.n_failures == 1  # nobody asks whether each of the maps is still there
-    assert set(found.written) == {
+    found, written = index_folder(Path("memory://out"), parquet=True, progress=Silent())
+    assert found.n_rows == 1
+    assert found.n_failures == 1  # nobody asks whether each of the maps is still there
+    assert set(written) == {
         f"memory://out/{name}"
         for name in ("failures.csv", "index.html", "summary.csv", "places.parquet")
     }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pgm_places.cli.doctor_maps import Speed
+from pgm_places.cli import doctor_maps
 from pgm_places.cli.terminal import make_progress
 from pgm_places.cli.track_log import map_of
 from pgm_places.cli.track_options import TrackOptions
@@ -31,7 +31,7 @@ def write(folder: Path, **keys: str) -> Path:
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine that labels ten thousand cells a second."""
-    monkeypatch.setattr(Speed, "measured", classmethod(lambda cls, _: cls(1e-4)))
+    monkeypatch.setattr(doctor_maps, "seconds_per_cell", lambda _: 1e-4)
 
 
 def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) -> None:
