@@ -38,7 +38,7 @@ class Update(NamedTuple):
     n_changed: int
 
 
-class _Seen(NamedTuple):
+class _LastMap(NamedTuple):
     """The previous map, and the row of each of its free cells."""
 
     grid: OccupancyGrid
@@ -88,7 +88,7 @@ class GrowingFeatures:
         self._table = CachedFeatures(self.columns)
         self._reach = np.empty((0, min(sensor.n_beams, MOST_SECTORS)), np.float32)
         self._farthest = np.empty(0, np.float32)
-        self._seen: _Seen | None = None
+        self._last_map: _LastMap | None = None
 
     def __call__(self, grid: OccupancyGrid) -> CachedFeatures:
         """The laser features of the free cells, in row-major order; one table for all maps.
@@ -103,7 +103,7 @@ class GrowingFeatures:
             raise InputError("the map has no free cell whose features could be computed")
         earlier_row, n_changed = self._unchanged(grid, cells_rc)
         # If casting fails, the rows belong partly to this map and partly to the previous one.
-        self._seen = None
+        self._last_map = None
         fresh = self._table.assign(earlier_row)
         missing = self._table.n_rows - len(self._reach)
         if missing:
@@ -111,7 +111,7 @@ class GrowingFeatures:
             self._farthest = np.pad(self._farthest, (0, missing))
         with thread_limit(self.n_threads):
             self._cast(grid, cells_rc, fresh)
-        self._seen = _Seen(grid, self._table.row_of)
+        self._last_map = _LastMap(grid, self._table.row_of)
         self.last = Update(len(cells_rc), len(fresh), n_changed)
         return self._table
 
@@ -119,20 +119,20 @@ class GrowingFeatures:
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], int]:
         """(N,) the row of each cell with an unchanged scan, else -1; count of changed cells."""
-        seen = self._seen
-        shift = None if seen is None else raster_shift(seen.grid, grid)
-        if seen is None or shift is None or self.sensor.noise is not None:
+        before = self._last_map
+        shift = None if before is None else raster_shift(before.grid, grid)
+        if before is None or shift is None or self.sensor.noise is not None:
             return np.full(len(cells_rc), -1, np.int64), grid.cells.size
-        if (shift + seen.grid.shape <= 0).any() or (shift >= grid.shape).any():
+        if (shift + before.grid.shape <= 0).any() or (shift >= grid.shape).any():
             # A map elsewhere shares no cell, and the box around both may be huge.
             return np.full(len(cells_rc), -1, np.int64), grid.cells.size
-        old_rc = np.argwhere(seen.grid.free)
-        entered, n_changed = _changed(seen.grid, grid, shift, self.sensor)
+        old_rc = np.argwhere(before.grid.free)
+        entered, n_changed = _changed(before.grid, grid, shift, self.sensor)
         stale = np.zeros(len(old_rc), np.bool_)
         if len(entered):
-            self._mark(old_rc + shift, seen.row_of, _squares(entered), stale)
-        row = np.full(seen.grid.shape, -1, np.int64)
-        row[tuple(old_rc[~stale].T)] = seen.row_of[~stale]
+            self._mark(old_rc + shift, before.row_of, _squares(entered), stale)
+        row = np.full(before.grid.shape, -1, np.int64)
+        row[tuple(old_rc[~stale].T)] = before.row_of[~stale]
         return at_cells(row, cells_rc - shift, -1), n_changed
 
     def _mark(

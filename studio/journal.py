@@ -94,8 +94,8 @@ class Journal:
         if self._size > MAX_BYTES:
             raise InputError(f"{self.path} has {self._size} bytes; at most {MAX_BYTES} are read")
         self._file.seek(0)
-        whole, _, torn = self._file.read().rpartition(b"\n")
-        lines = whole.split(b"\n") if whole else []
+        complete, _, torn = self._file.read().rpartition(b"\n")
+        lines = complete.split(b"\n") if complete else []
         entries = [_entry(self.path, number, line) for number, line in enumerate(lines, 1)]
         header = {"format": FORMAT, "schema": SCHEMA, **subject}
         if not entries and not _is_begun(torn, header):
@@ -157,11 +157,11 @@ class SourceFile:
 
     def __init__(self, path: Path) -> None:
         self.path, self.sha256 = path, sha256_of(path)
-        self._seen = self._state()
+        self._state_at_open = self._state()
 
     def was_changed(self) -> bool:
         """Whether the file is missing, or was written to since."""
-        return self._state() != self._seen
+        return self._state() != self._state_at_open
 
     def _state(self) -> tuple[int, int] | None:
         try:

@@ -22,7 +22,7 @@ TILE = 256
 
 
 def n_levels(shape: tuple[int, int]) -> int:
-    """Number of levels until the whole raster fits into one tile.
+    """Number of levels until the raster fits into one tile.
 
     Examples
     --------
@@ -38,7 +38,6 @@ class Pyramid:
     A pixel of a higher level shows the largest of the four values below it, so that walls and
     doorways, which are rare and have high numbers, remain visible at low zoom. Only requested tiles
     and the tiles below them are cached: at most a third of the raster's bytes.
-
 
     Examples
     --------
@@ -332,14 +331,14 @@ MOST_CELLS = 2_000_000
 """Larger maps are subsampled: every second, third, ... row and column."""
 
 LEAST_CLEARANCE_M, LEAST_M2, MARGIN_M = 0.3, 1.0, 1.0
-"""Free space outside, seen by rays through windows, is narrower than this or in small pieces."""
+"""Free space outside, behind windows, is narrower than this or in small pieces."""
 
 
 def building_bounds(grid: OccupancyGrid) -> tuple[float, float, float, float]:
     """Left, top, right and bottom of the building, in cells from the upper left corner.
 
     That is where a robot of 0.3 m radius has room, in pieces of a square metre, and a metre around;
-    the whole map where there is no such place.
+    all of the map where there is no such place.
 
     Examples
     --------

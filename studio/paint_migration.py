@@ -28,7 +28,7 @@ MOST_SEARCHED = 50_000_000
 class Migration:
     """Numbers of painted cells migrated from an earlier state of the map and lost; its journal."""
 
-    kept: int
+    migrated: int
     lost: int
     journal: Path
 
@@ -38,7 +38,7 @@ class Migration:
         no_longer = "is" if self.lost == 1 else "are"
         lost = f", {self.lost} {no_longer} no longer free" if self.lost else ""
         return (
-            f"The map has changed since it was painted. {self.kept} painted cells were carried "
+            f"The map has changed since it was painted. {self.migrated} painted cells were carried "
             f"over{lost}; the history up to then is in {self.journal.name}."
         )
 
@@ -47,42 +47,42 @@ def opened_painting(
     folder: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
 ) -> tuple[Painting, Migration | None]:
     """The painting of a map in a folder, and the migration from an earlier state of the map."""
-    path, carried = folder / JOURNAL, None
+    path, migration = folder / JOURNAL, None
     earlier = subject_of(path)
     if earlier is not None:
-        kept_map = _kept_map(folder, str(earlier.get("map")))
-        if earlier.get("map") != map_sha256 or not _has_frame(kept_map, grid):
-            carried = _carry(path, kept_map, grid, classes, map_sha256)
+        saved_map = _saved_map(folder, str(earlier.get("map")))
+        if earlier.get("map") != map_sha256 or not _has_frame(saved_map, grid):
+            migration = _migrated(path, saved_map, grid, classes, map_sha256)
     journal = Journal(path, {"map": map_sha256})
     try:
-        if carried is not None or not _kept_map(folder, map_sha256).exists():
-            save_map(grid, _kept_map(folder, map_sha256).with_suffix(""))
-        return Painting(grid, classes, journal), carried
+        if migration is not None or not _saved_map(folder, map_sha256).exists():
+            save_map(grid, _saved_map(folder, map_sha256).with_suffix(""))
+        return Painting(grid, classes, journal), migration
     except BaseException:
         journal.close()
         raise
 
 
-def _kept_map(folder: Path, map_sha256: str) -> Path:
+def _saved_map(folder: Path, map_sha256: str) -> Path:
     """The file with the raster that a journal belongs to."""
     return folder / f"map-{map_sha256[:12]}.yaml"
 
 
-def _has_frame(kept_map: Path, grid: OccupancyGrid) -> bool:
+def _has_frame(saved_map: Path, grid: OccupancyGrid) -> bool:
     """Whether the saved raster has the map's origin and rotation; True if none is saved."""
-    return not kept_map.exists() or load_map(kept_map).grid.frame == grid.frame
+    return not saved_map.exists() or load_map(saved_map).grid.frame == grid.frame
 
 
-def _carry(
-    path: Path, kept_map: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
+def _migrated(
+    path: Path, saved_map: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
 ) -> Migration:
     """Replace the journal at ``path`` by one that begins with its paint."""
-    if not kept_map.exists():
+    if not saved_map.exists():
         raise InputError(
             f"{path} belongs to another map, whose raster was not saved; choose "
             "another folder with --out, and give exported paint with --corrections"
         )
-    before = load_map(kept_map).grid
+    before = load_map(saved_map).grid
     is_same = np.array_equal(before.cells, grid.cells)  # with another origin, perhaps rotated
     shift = (0, 0) if is_same else map_shift(before, grid)
     if shift is None:
@@ -95,12 +95,12 @@ def _carry(
         staged = path.with_name(f".{path.name}.new")
         staged.unlink(missing_ok=True)
         with closing(Journal(staged, {"map": map_sha256})) as fresh:
-            kept, lost = _repaint(old, Painting(grid, classes, fresh), shift)
+            migrated, lost = _repaint(old, Painting(grid, classes, fresh), shift)
         aside = _free_name(path)
         with as_output_errors(path):
             os.link(path, aside)
             staged.replace(path)
-    return Migration(kept, lost, aside)
+    return Migration(migrated, lost, aside)
 
 
 def _free_name(path: Path) -> Path:
@@ -130,8 +130,8 @@ def _repaint(old: Painting, new: Painting, shift: tuple[int, int]) -> tuple[int,
     pairs = moved.reshape(-1, 2, 2).tolist()
     new.set_cuts(tuple(((x0, y0), (x1, y1)) for (x0, y0), (x1, y1) in pairs))
     new.set_learning(old.learns)
-    kept = new.n_painted
-    return kept, was_painted - kept
+    migrated = new.n_painted
+    return migrated, was_painted - migrated
 
 
 def map_shift(before: OccupancyGrid, after: OccupancyGrid) -> tuple[int, int] | None:

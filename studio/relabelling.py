@@ -205,12 +205,12 @@ def quick_labels(
         return None if found is None else window.paste(found, -1)
     one = replace(floor, networks=floor.networks[:1], views_per_network=1)
     with thread_limit(n_threads):
-        seen = one.scores(grid)
+        scores = one.scores(grid)
     labels = np.full(grid.shape, -1, np.int16)
     for rows in bands_of_rows(grid.shape):
         cells = np.argwhere(grid.free[rows]) + np.array([rows.start, 0])
         if len(cells):
-            labels[tuple(cells.T)] = one.evidence(seen, cells).argmax(axis=1)
+            labels[tuple(cells.T)] = one.evidence(scores, cells).argmax(axis=1)
     return labels
 
 
@@ -341,10 +341,10 @@ class LabelChanges:
         '3.0 m² became room, 1.0 m² lab'
         """
         listed = sorted(self.became_m2.items(), key=lambda item: -item[1])
-        told = [(k, area) for k, area in listed if area >= LEAST_M2]
+        large = [(k, area) for k, area in listed if area >= LEAST_M2]
         return ", ".join(
             f"{area:.1f} m²{'' if number else ' became'} {names[k]}"
-            for number, (k, area) in enumerate(told)
+            for number, (k, area) in enumerate(large)
         )
 
 

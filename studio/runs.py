@@ -15,7 +15,6 @@ def runs_of_mask(mask: NDArray[np.bool_], corner: tuple[int, int] = (0, 0)) -> N
 
     ``corner`` is the row and column of its first cell in the raster.
 
-
     Examples
     --------
     >>> runs_of_mask(np.array([[False, True, True], [True, False, True]])).tolist()
@@ -125,8 +124,8 @@ class Repaint:
         turns[width - 1 :: width] = True  # rows end
         starts = np.append(0, np.flatnonzero(turns) + 1)
         lengths = np.diff(starts, append=len(before))
-        kept = before[starts] != after[starts]
-        starts, lengths = starts[kept], lengths[kept]
+        differs = before[starts] != after[starts]
+        starts, lengths = starts[differs], lengths[differs]
         runs = np.stack([*np.divmod(starts, width), lengths], axis=1)
         return cls(runs, before[starts], after[starts])
 

@@ -101,7 +101,7 @@ class _Answers(_Files):
         """The state once it is newer than ``after``, or the old state after a time without news."""
         after = int(request.query_params.get("after", "-1"))
         tab = request.query_params.get("tab", "")
-        self.tabs.seen(tab)  # first: the map of a tab stays open
+        self.tabs.polled(tab)  # first: the map of a tab stays open
         session = await run_in_threadpool(lambda: self.session)
         tabs, deadline = len(self.tabs), time.monotonic() + self.pool.news_s
         while session.tick == after and len(self.tabs) == tabs and time.monotonic() < deadline:
@@ -111,7 +111,7 @@ class _Answers(_Files):
             if await request.is_disconnected():
                 self.tabs.left(tab)
                 return _json({})
-        self.tabs.seen(tab)
+        self.tabs.polled(tab)
         record = await run_in_threadpool(records.state_record, session)
         position = {"number": self.number, "of": len(self.pool)}
         return _json({**record, "tabs": len(self.tabs), "pool": position})
@@ -314,18 +314,18 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
         _Server(config, pool).run(sockets=[listener])
 
 
-def _listening_again(kept: Path) -> socket.socket:
+def _listening_again(port_file: Path) -> socket.socket:
     """A listener on the port in a file if it is free, else on any, whose port is then saved."""
     # With the same port, open pages of the last studio can show the address of the new one.
     try:
-        with os.fdopen(open_own(kept, os.O_RDONLY), encoding="ascii") as file:
+        with os.fdopen(open_own(port_file, os.O_RDONLY), encoding="ascii") as file:
             port = int(file.read(_LONGEST_PORT))
         listener = _listening(port if FIRST_PORT <= port <= LAST_PORT else 0)
     except (OSError, ValueError, OutputError):
         listener = _listening(0)
     with contextlib.suppress(OSError, OutputError):  # the saved port is only a convenience
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
-        with os.fdopen(open_own(kept, flags), "w", encoding="ascii") as file:
+        with os.fdopen(open_own(port_file, flags), "w", encoding="ascii") as file:
             file.write(f"{listener.getsockname()[1]}\n")
     return listener
 

@@ -225,10 +225,10 @@ class MapSession:
 
     def _edit_fill(self, label: int, point: Point) -> Window | None:
         limits = self._limits
-        kept, doorway, drawn = limits.doorway, None, None
-        if kept is not None and label != kept:
-            doorway = self._shown_labels == kept
-            drawn = limits.paint == kept if label >= 0 else None  # the eraser removes them
+        doors, doorway, drawn = limits.doorway, None, None
+        if doors is not None and label != doors:
+            doorway = self._shown_labels == doors
+            drawn = limits.paint == doors if label >= 0 else None  # the eraser removes them
         runs = strokes.fill_cells(self.grid, limits.paint, limits.topology, point, doorway, drawn)
         return self.painting.paint_runs(runs, label)
 
@@ -245,9 +245,9 @@ class MapSession:
     def _edit_merge(self, first: int, second: int) -> Window | None:
         topology, cuts = self.answer.topology, self.painting.cuts
         runs, name = strokes.merge_cells(topology, first, second)
-        kept = tuple(line for line in cuts if not runs_between(topology, line, first, second))
-        self.painting.set_cuts(kept)
-        if kept != cuts and topology.place(first).label == topology.place(second).label:
+        left = tuple(line for line in cuts if not runs_between(topology, line, first, second))
+        self.painting.set_cuts(left)
+        if left != cuts and topology.place(first).label == topology.place(second).label:
             return None
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 

@@ -32,22 +32,22 @@ class Tabs:
     """The tabs of a browser that show one map; all methods may be called from any thread."""
 
     def __init__(self) -> None:
-        self._seen: dict[str, float] = {}
+        self._polled_s: dict[str, float] = {}
 
-    def seen(self, tab: str) -> None:
+    def polled(self, tab: str) -> None:
         """Note that a tab has polled."""
         if tab.isalnum() and len(tab) <= 40:
-            self._seen[tab] = time.monotonic()
+            self._polled_s[tab] = time.monotonic()
 
     def left(self, tab: str) -> None:
         """Note that a tab was closed."""
-        self._seen.pop(tab, None)
+        self._polled_s.pop(tab, None)
 
     def __len__(self) -> int:
         oldest = time.monotonic() - LIVE_S
-        for tab in [tab for tab, seen in list(self._seen.items()) if seen < oldest]:
+        for tab in [tab for tab, when_s in list(self._polled_s.items()) if when_s < oldest]:
             self.left(tab)
-        return len(self._seen)
+        return len(self._polled_s)
 
 
 class SessionPool:

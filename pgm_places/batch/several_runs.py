@@ -18,19 +18,9 @@ from pgm_places.experiment.tasks import task_of
 
 @dataclass(frozen=True, eq=False)
 class RunTask:
-    """A comparison on one split with one seed.
+    """A comparison on one split, None for ``[[test]]``, with one seed, None for those configured.
 
-    Parameters
-    ----------
-    split : str or None
-        Its name; None for ``[[test]]``.
-    seed : int or None
-        None for the seeds of the configuration.
-    config : ExperimentConfig
-    folder : Path
-        Folder that the configuration's paths are relative to.
-    feature_cache : FeatureCache, optional
-    n_threads : int
+    The configuration's paths are relative to ``folder``.
     """
 
     split: str | None

@@ -47,7 +47,6 @@ class GraphLayout:
     The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for graphs of any kind. Edges
     are drawn as walls are on maps; nodes are painted over them.
 
-
     Examples
     --------
     >>> line = LabelGraph.from_edges(2, [(0, 1)], positions_m=[[0.0, 0.0], [1.0, 0.0]])
@@ -247,8 +246,8 @@ def difference_canvas(
     pale, wrong = (palette.tinted(each, palette.RIGHT_TINT) for each in colours), len(label_names)
 
     def compared(cells: Window) -> NDArray[np.integer]:
-        true, seen = truth[cells], predicted[cells]
-        return np.where(seen < 0, -1, np.where((true >= 0) & (true != seen), wrong, true))
+        true, label = truth[cells], predicted[cells]
+        return np.where(label < 0, -1, np.where((true >= 0) & (true != label), wrong, true))
 
     return _canvas(compared, (*pale, palette.ERROR), view, grid, strong=_FIRST + wrong)
 

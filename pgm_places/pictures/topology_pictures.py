@@ -26,18 +26,7 @@ def name_spots(
 ) -> NDArray[np.float64]:
     """(N, 2) the middles of N names: below, above or beside their discs, where least is covered.
 
-    Parameters
-    ----------
-    names : sequence of str
-    discs : (N, 2) float
-        The middles of the discs that are named, in pixels.
-    others : (M, 2) float
-        The middles of other marks to keep visible, as large as the discs.
-    size : float
-        Of the text.
-    radius : float
-        Of the discs.
-
+    Discs (N, 2) and ``others`` (M, 2), marks to keep visible, have the radius ``radius`` in pixels.
     Names are placed one after another, each where it covers the least area of discs, others and
     the names before it.
     """
@@ -133,10 +122,8 @@ def topology_drawing(
     >>> topology_drawing(grid, found).image.mode
     'RGB'
     """
-    view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
-    canvas = paled_canvas(grid, topology.labels, topology.label_names, view)
+    canvas, scale, pixels = _scaled(grid, topology)
     height, width = canvas.indices.shape
-    scale = max(1, _LONG_SIDE // max(height, width))
     size = (scale * width, scale * height)
     beside = height > 0.7 * width
     top = _EDGE + (_TITLE if title else 0)
@@ -145,10 +132,6 @@ def topology_drawing(
     page = Drawing(content + 2 * _EDGE, second[1] + _CAPTION + size[1] + _FOOT + _EDGE)
     if title:
         page.text(_EDGE, _EDGE + 10, title, size=20, bold=True)
-
-    def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
-        return scale * view.pixels_at_m(grid, points_m)
-
     caption = "places over the map"
     if checks := marked_checks(topology):
         caption += "; check those with their numbers in red first"
@@ -181,14 +164,8 @@ def places_drawing(grid: OccupancyGrid, topology: TopologicalMap) -> Drawing:
         The map that the topology was made from.
     topology : TopologicalMap
     """
-    view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
-    canvas = paled_canvas(grid, topology.labels, topology.label_names, view)
+    canvas, scale, pixels = _scaled(grid, topology)
     height, width = canvas.indices.shape
-    scale = max(1, _LONG_SIDE // max(height, width))
-
-    def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
-        return scale * view.pixels_at_m(grid, points_m)
-
     page = Drawing(scale * width, scale * height + _FOOT)
     over = Drawing.of(canvas, scale)
     _draw_gates(over, topology, pixels)
@@ -199,6 +176,14 @@ def places_drawing(grid: OccupancyGrid, topology: TopologicalMap) -> Drawing:
     page.paste(over, 0, 0)
     draw_scale_bar(page, canvas, (_EDGE // 2, scale * height + 16), scale, size=14)
     return page
+
+
+def _scaled(grid: OccupancyGrid, topology: TopologicalMap) -> tuple[Canvas, int, _ToPixels]:
+    """The pale map, the factor by which it is enlarged, and positions on the enlarged map."""
+    view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
+    canvas = paled_canvas(grid, topology.labels, topology.label_names, view)
+    scale = max(1, _LONG_SIDE // max(canvas.indices.shape))
+    return canvas, scale, lambda points_m: scale * view.pixels_at_m(grid, points_m)
 
 
 def paled_canvas(

@@ -85,8 +85,8 @@ def _filled(column: NDArray[np.int64], beliefs: NDArray[np.floating[Any]]) -> ND
     sums = np.zeros((PLOT_COLUMNS, beliefs.shape[1]))
     counts = np.bincount(column, minlength=PLOT_COLUMNS)
     np.add.at(sums, column, beliefs)
-    seen = np.maximum.accumulate(np.where(counts > 0, np.arange(PLOT_COLUMNS), 0))
-    means: NDArray[np.float64] = (sums / np.maximum(counts, 1)[:, None])[seen]
+    newest = np.maximum.accumulate(np.where(counts > 0, np.arange(PLOT_COLUMNS), 0))
+    means: NDArray[np.float64] = (sums / np.maximum(counts, 1)[:, None])[newest]
     return means
 
 

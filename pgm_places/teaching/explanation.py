@@ -28,18 +28,10 @@ from pgm_places.unary.space_model import MapSpaces, gate_log_odds
 
 @dataclass(frozen=True, eq=False)
 class VoteParts:
-    """A decomposed score: ``F = bias + sum(part)``.
+    """A decomposed score: ``F = bias + sum(part)``, by descending magnitude of the part.
 
-    Parameters
-    ----------
-    bias : float
-        Sum of the trees' mean outputs at the root; 0 for stumps.
-    column : (m,) int64
-        The distinct columns on the decision paths, by descending magnitude of the part.
-    part : (m,) float64
-        Contribution of each column to F.
-    threshold : (m,) float64
-        The threshold of the column's split with the largest contribution.
+    ``bias`` is the sum of the trees' mean outputs at the root, 0 for stumps. Each column (m,) on
+    the decision paths has its part, and the threshold of its split that contributes most.
     """
 
     bias: float
@@ -61,9 +53,10 @@ def vote_parts(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.floa
     the value at the root sum to the leaf (Saabas 2014). Leaves have equal weights: a trained list
     does not store the number of examples per leaf.
     """
-    bias, steps = 0.0, _stump_steps(classifier, row)
     if isinstance(classifier, BoostedTrees):
         bias, steps = _tree_steps(classifier, row)
+    else:
+        bias, steps = 0.0, _stump_steps(classifier, row)
     columns, which = np.unique([column for column, _, _ in steps], return_inverse=True)
     change: NDArray[np.float64] = np.array([value for _, _, value in steps], np.float64)
     part = np.asarray(np.bincount(which, change, len(columns)), np.float64)
@@ -78,9 +71,7 @@ _Steps = list[tuple[int, float, float]]
 """Column, threshold, contribution."""
 
 
-def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> _Steps:
-    if isinstance(classifier, BoostedTrees):
-        return []
+def _stump_steps(classifier: StrongClassifier, row: NDArray[np.float32]) -> _Steps:
     left = row[classifier.feature] < classifier.cut
     votes = np.where(left, classifier.value, -classifier.value)
     parts = (classifier.feature.tolist(), classifier.threshold.tolist(), votes.tolist())

@@ -225,13 +225,7 @@ class InteractiveLabeler:
         return None if self.model is None else self.model.labeler
 
     def with_classes(self, classes: Sequence[str]) -> "InteractiveLabeler":
-        """An interactive labeler of other classes, which shares the cached data of the map.
-
-        Raises
-        ------
-        LabelError
-            As for a new one.
-        """
+        """An interactive labeler of other classes on the same cached data; raises as a new one."""
         other = copy.copy(self)
         other._table = self._table
         other._take(classes)
@@ -267,25 +261,13 @@ class InteractiveLabeler:
             return self._labelled(self.labeler or self.learned(paint), paint, start)
 
     def teach(self, paint: Paint, *, progress: Progress | None = None) -> InteractiveResult:
-        """The map labelled by a labeler that has learned the paint; paint is preserved.
-
-        Raises
-        ------
-        LabelError
-            As :meth:`label`.
-        """
+        """As :meth:`label`, by a labeler that has learned the paint."""
         with reporting_to(progress), thread_limit(self.n_threads):
             start = time.perf_counter()
             return self._labelled(self.learned(paint), paint, start)
 
     def learned(self, paint: Paint, progress: Progress | None = None) -> PlaceLabeler:
-        """The labeler trained further on the paint, or trained on the paint alone.
-
-        Raises
-        ------
-        LabelError
-            As :meth:`label`.
-        """
+        """The labeler trained further on the paint, or on paint alone; raises as :meth:`label`."""
         table = self._table
         painted, classes = self._cut(paint), paint.classes
         known = KnownCells.of(painted, self._part, table.grid, classes, classes)

@@ -11,19 +11,10 @@ from pgm_places.topology.regions import Region
 
 @dataclass(frozen=True)
 class FeatureVote:
-    """The contribution of one feature to the log-odds of a question.
+    """The contribution of one feature to the log-odds of a question: for the class if positive.
 
-    Parameters
-    ----------
-    name : str
-    of_space : bool
-        Whether it describes the place around the cell rather than the cell's scan.
-    value : float
-        Value of the feature at the cell.
-    threshold : float
-        The threshold with the largest weight.
-    log_odds : float
-        Added for the class if positive, against it if negative.
+    ``of_space``: it describes the place around the cell rather than the cell's scan. ``threshold``
+    is the one with the largest weight.
     """
 
     name: str
@@ -42,15 +33,8 @@ class FeatureVote:
 class Question:
     """One class of the decision list: whether the cell has this class, or a later one of the list.
 
-    ``log_odds = bias + sum of votes``, exactly; ``exp(log_odds)`` are the odds of yes.
-
-    Parameters
-    ----------
-    label : str
-    bias : float
-        Contribution of the calibration and the trees that does not depend on the cell.
-    votes : tuple of FeatureVote
-        All features of the classifier, by descending weight.
+    ``log_odds = bias + sum of votes``, exactly; ``exp(log_odds)`` are the odds of yes. ``bias`` is
+    of the calibration and the trees, not of the cell; votes are by descending weight.
     """
 
     label: str
@@ -75,16 +59,10 @@ class Question:
 
 @dataclass(frozen=True)
 class NeighbourPull:
-    """A neighbour in the graph, and its influence on the label.
+    """A neighbour in the graph with its final label, and its influence on the label.
 
-    Parameters
-    ----------
-    x_m, y_m : float
-    label : str
-        Its final label.
-    towards : float
-        Its probability of the cell's final label less that of the cell's label before inference,
-        -1 to 1; without probabilities 1, 0 or -1 by its label.
+    ``towards`` is its probability of the cell's final label less that of the cell's label before
+    inference, -1 to 1; without probabilities 1, 0 or -1 by its label.
     """
 
     x_m: float
@@ -152,14 +130,8 @@ class CellExplanation:
 class RegionExplanation:
     """The shape features and gates of a place.
 
-    Parameters
-    ----------
-    region : Region
-    features : dict of str to float
-        Shape features of the place between gates that contains most of it; empty if the labeler
-        has no space features.
-    gates : tuple of (Gate, float)
-        Adjacent gates, accepted or not, with their probabilities, the most probable first.
+    The features are those of the place between gates that contains most of it; empty if the labeler
+    has no space features. Gates, accepted or not, have probabilities, the most probable first.
     """
 
     region: Region

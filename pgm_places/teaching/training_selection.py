@@ -38,17 +38,7 @@ class TeachingOptions(FurtherRounds, Options):
 
 @dataclass(frozen=True, eq=False)
 class CellSelection:
-    """Painted cells to learn from, and other cells whose scores are to be preserved.
-
-    Parameters
-    ----------
-    nodes : (n,) int64
-        The painted cells to learn from, ascending.
-    labels : (n,) int64
-        Their classes.
-    others : (m,) int64
-        The other cells, ascending.
-    """
+    """Painted cells (n,) to learn from, their classes, and cells (m,) with scores to preserve."""
 
     nodes: NDArray[np.int64]
     labels: NDArray[np.int64]
@@ -67,14 +57,7 @@ class CellSelection:
 
 
 def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> CellSelection:
-    """The selected cells; equal paint gives equal cells.
-
-    Parameters
-    ----------
-    painted : (N,) int64
-        Class of each node, -1 where nothing is painted.
-    options : TeachingOptions
-    """
+    """The cells of a painting (N,), -1 for unpainted nodes; equal paint gives equal cells."""
     rng = np.random.default_rng(options.seed)
     taken = []
     for label in range(int(painted.max(initial=-1)) + 1):

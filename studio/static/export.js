@@ -16,7 +16,7 @@ export class Export {
     this.place = h("p", { className: "paths", id: "export-place" });
     this.offered = h("datalist", { id: "export-folders" });
     this.list = h("ul", { className: "exports" });
-    this.told = h("p", { className: "paths", role: "status" });
+    this.status = h("p", { className: "paths", role: "status" });
     this.write = h("button", { className: "button primary", type: "button" }, "Write");
     this.write.addEventListener("click", () => this.#write());
     const close = h("button", { className: "button", type: "button" }, "Close");
@@ -27,7 +27,7 @@ export class Export {
       this.offered,
       this.place,
       this.list,
-      this.told,
+      this.status,
       h("div", { className: "row end" }, close, this.write),
     );
     await this.#show(this.folder);
@@ -65,26 +65,26 @@ export class Export {
 
   async #write() {
     this.write.disabled = true;
-    const [written, said, problems] = [[], [], []];
+    const [written, notes, problems] = [[], [], []];
     for (const [name, box] of this.boxes) {
       if (!box.checked) continue;
       try {
         const replaced = [...this.there, ...written];
         const { files, remarks } = await this.studio.server.post("export", { what: name, folder: this.folder, replaced });
         written.push(...files.map((path) => path.split(/[\\/]/).pop()));
-        said.push(...remarks);
+        notes.push(...remarks);
       } catch (error) {
         problems.push(error.message);
       }
     }
     await this.#show(this.folder); // what was written is up to date now
     const names = [...new Set(written)];
-    this.#tell([names.length ? `Written: ${names.join(", ")}.` : "", ...new Set(said), ...problems].filter(Boolean).join(" "), problems.length > 0);
+    this.#tell([names.length ? `Written: ${names.join(", ")}.` : "", ...new Set(notes), ...problems].filter(Boolean).join(" "), problems.length > 0);
   }
 
   #tell(words, bad) {
-    this.told.textContent = words;
-    this.told.classList.toggle("bad", bad);
+    this.status.textContent = words;
+    this.status.classList.toggle("bad", bad);
   }
 }
 

@@ -4,7 +4,7 @@ export class Memory {
   constructor(studio) {
     this.studio = studio;
     this.key = null;
-    this.kept = "";
+    this.saved = "";
   }
 
   /** Restore the stored view of a map. */
@@ -30,8 +30,8 @@ export class Memory {
     const { layers, tools, swipe, label } = this.studio;
     const { shown, value, sources } = layers;
     const text = JSON.stringify({ shown, value, sources, label, tool: tools.name, radius: tools.radius, way: swipe.way });
-    if (text === this.kept) return;
-    this.kept = text;
+    if (text === this.saved) return;
+    this.saved = text;
     try {
       localStorage.setItem(this.key, text);
     } catch {

@@ -4,7 +4,7 @@ export class Theme {
   constructor(changed) {
     this.changed = changed;
     this.dark = window.matchMedia("(prefers-color-scheme: dark)");
-    this.chosen = kept();
+    this.chosen = stored();
     this.dark.addEventListener("change", () => this.#apply());
     this.#apply();
   }
@@ -45,7 +45,7 @@ export class Theme {
   }
 }
 
-function kept() {
+function stored() {
   try {
     const name = localStorage.getItem("theme");
     return name === "dark" || name === "light" ? name : null;

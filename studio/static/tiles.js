@@ -9,7 +9,7 @@ export class TileLayer {
     this.changed = changed;
     this.version = "0";
     this.theme = "light";
-    this.kept = new Map();
+    this.cache = new Map();
     this.waiting = 0;
   }
 
@@ -46,7 +46,7 @@ export class TileLayer {
     // Meanwhile the part of a coarser picture, if there is one.
     for (let up = 1; level + up < map.levels; up++) {
       const parts = 2 ** up;
-      const coarse = this.kept.get(key(level + up, Math.floor(row / parts), Math.floor(column / parts)));
+      const coarse = this.cache.get(key(level + up, Math.floor(row / parts), Math.floor(column / parts)));
       if (!coarse?.image) continue;
       const size = map.tile / parts;
       const [x, y] = [(column % parts) * size, (row % parts) * size];
@@ -57,10 +57,10 @@ export class TileLayer {
 
   #entry(level, row, column) {
     const name = key(level, row, column);
-    let entry = this.kept.get(name);
-    if (entry) this.kept.delete(name);
+    let entry = this.cache.get(name);
+    if (entry) this.cache.delete(name);
     else entry = { image: null, wanted: null };
-    this.kept.set(name, entry); // the newest are last
+    this.cache.set(name, entry); // the newest are last
     const version = `${this.version}.${this.theme}`;
     if (entry.wanted !== version) {
       entry.wanted = version;
@@ -85,9 +85,9 @@ export class TileLayer {
   }
 
   #forget() {
-    for (const name of this.kept.keys()) {
-      if (this.kept.size <= MOST) return;
-      this.kept.delete(name);
+    for (const name of this.cache.keys()) {
+      if (this.cache.size <= MOST) return;
+      this.cache.delete(name);
     }
   }
 }

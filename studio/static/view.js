@@ -13,7 +13,7 @@ export class View {
     this.ratio = 1;
     this.panes = 1;
     this.shrunk = 1;
-    this.seen = null;
+    this.pane = null;
     this.changed = () => {};
   }
 
@@ -43,9 +43,9 @@ export class View {
 
   /** Keep the centre of the map when the panes change their size. */
   follow() {
-    const { width, height, seen } = this;
-    this.seen = { width, height };
-    if (seen) this.move((width - seen.width) / 2, (height - seen.height) / 2);
+    const { width, height, pane: before } = this;
+    this.pane = { width, height };
+    if (before) this.move((width - before.width) / 2, (height - before.height) / 2);
   }
 
   /** Show one pane or two; the visible part of the map stays in view, and is restored. */
@@ -58,7 +58,7 @@ export class View {
     const from = this.toMap(0, 0);
     const to = this.toMap(this.width, this.height);
     this.panes = panes;
-    this.seen = { width: this.width, height: this.height };
+    this.pane = { width: this.width, height: this.height };
     if (panes > 1) {
       const [left, right] = [Math.max(0, from.x), Math.min(columns, to.x)];
       const [top, bottom] = [Math.max(0, from.y), Math.min(rows, to.y)];

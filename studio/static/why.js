@@ -18,7 +18,7 @@ export class Why {
     this.key = key;
     const region = this.studio.places.byId.get(this.studio.chosen);
     if (!region && !this.cell) {
-      this.element.replaceChildren(h("p", { className: "muted" }, "Choose the hand and click on the map: this panel then says why a cell has its label, and what is known of its region."));
+      this.element.replaceChildren(h("p", { className: "muted" }, "Choose the hand and click on the map: this panel then shows why a cell has its label, and the facts of its region."));
       return;
     }
     this.element.replaceChildren(
@@ -35,7 +35,7 @@ export class Why {
       this.showsScan = scan.checked;
       this.studio.changed();
     });
-    const legend = this.reasons ? h("label", { className: "switch" }, scan, h("i", { className: "scan-legend" }), "What its scan sees") : h("span");
+    const legend = this.reasons ? h("label", { className: "switch" }, scan, h("i", { className: "scan-legend" }), "Its scan") : h("span");
     return h("div", { className: "row between" }, legend, close);
   }
 
@@ -96,12 +96,12 @@ export class Why {
   #votes({ questions, gate_probability: gate, networks, pulls, doorway_log_odds: added }) {
     const parts = questions.map((question) =>
       h("section", {}, h("h2", {}, `Is it ${question.label}? ${signed(question.log_odds)}`),
-        h("p", { className: "small" }, `Its scan says ${signed(question.from_scan)}, the space around it ${signed(question.from_spaces)} (log-odds).`),
+        h("p", { className: "small" }, `Its scan adds ${signed(question.from_scan)}, the space around it ${signed(question.from_spaces)} (log-odds).`),
         h("dl", { className: "facts" }, question.votes.flatMap((vote) => [
           h("dt", {}, vote.name),
           h("dd", { title: `It weighs most at ${withUnit(vote.threshold, vote.unit)}` }, `${withUnit(vote.value, vote.unit)}  `, h("b", {}, signed(vote.log_odds))),
         ]))));
-    if (networks) parts.unshift(h("section", {}, h("h2", {}, "Seen in the whole floor"), this.#bars(networks)));
+    if (networks) parts.unshift(h("section", {}, h("h2", {}, "By the floor networks"), this.#bars(networks)));
     const notes = [];
     if (gate) notes.push(`The gate here is a doorway with ${percent(gate)}.`);
     if (added < 0) notes.push(`Where the accepted gates are adds ${signed(added)} to the log-odds of a doorway.`);
@@ -113,7 +113,7 @@ export class Why {
   }
 
   #story({ paint, label, unary, truth }) {
-    const against = truth && label && truth !== label ? ` The labels to compare with say ${truth}.` : "";
+    const against = truth && label && truth !== label ? ` The labels to compare with have ${truth}.` : "";
     if (paint) return `You painted it ${paint}, and every method keeps to that.${against}`;
     if (!label) return "It has no label yet.";
     if (label === unary) return `By itself it looks like ${unary}, and its neighbours agree.${against}`;
@@ -135,7 +135,7 @@ const signed = (value) => (value < 0 ? "−" : "+") + Math.abs(value).toFixed(2)
 const short = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : Number(value.toPrecision(3)).toString());
 const withUnit = (value, unit) => (unit ? `${short(value)} ${unit}` : short(value));
 
-/** A probability in words of a table: never 0 % or 100 % unless it is. */
+/** A probability in a table: never 0 % or 100 % unless it is. */
 export function percent(value) {
   if (value > 0 && value < 0.005) return "< 1 %";
   if (value < 1 && value > 0.995) return "> 99 %";

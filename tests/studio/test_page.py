@@ -387,7 +387,7 @@ def test_labels_open_the_list_of_what_is_in_doubt_and_one_press_answers(
         page.get_by_label("Compare", exact=True).select_option("Side by side")
         page.get_by_label("Second labelling").select_option("Method relaxation")
         colours_of_panes(page, 10, 10)
-        kept = page.evaluate("[...studio.stage.layer('labels-method:relaxation').kept.values()]")
+        kept = page.evaluate("[...studio.stage.layer('labels-method:relaxation').cache.values()]")
         assert kept and all(entry["image"] is not None for entry in kept)
 
 
@@ -548,7 +548,7 @@ def test_a_large_map_is_moved_and_zoomed_by_keys_and_wheel(browser: Any, tmp_pat
         page.keyboard.press("ArrowLeft")
         assert page.evaluate("studio.view.x") == here + 80
         until(page, "studio.stage.tiles.get('map').settled")
-        kept = page.evaluate("[...studio.stage.tiles.get('map').kept.keys()]")
+        kept = page.evaluate("[...studio.stage.tiles.get('map').cache.keys()]")
         assert 0 < len(kept) < 100  # of 192 at the lowest level alone
         page.keyboard.press("Home")
         assert page.evaluate("studio.view.scale") == pytest.approx(before)
@@ -729,7 +729,7 @@ def test_why_is_closed_by_escape_and_what_changes_elsewhere_is_undone_by_one_pre
     click(page, 20.5, 20.5)
     page.wait_for_selector("#panel-why .scan-legend")
     seen = page.evaluate("studio.why.showsScan")
-    page.get_by_role("switch", name="What its scan sees").click()
+    page.get_by_role("switch", name="Its scan").click()
     assert seen and not page.evaluate("studio.why.showsScan")
     page.keyboard.press("Escape")
     assert page.evaluate("[studio.asked, studio.why.cell, studio.chosen]") == [None, None, None]

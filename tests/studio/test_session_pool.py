@@ -49,12 +49,12 @@ def test_maps_open_when_they_are_looked_at_and_few_stay_open(pool: SessionPool) 
 def test_maps_with_a_live_tab_stay_open(pool: SessionPool) -> None:
     sessions = []
     for number in range(6):
-        pool.tabs[number].seen(f"tab{number}")
+        pool.tabs[number].polled(f"tab{number}")
         sessions.append(pool.session(number))
     assert [pool.session(number) for number in range(6)] == sessions
     assert not any(session.closing for session in sessions)
     pool.tabs[2].left("tab2")
-    pool.tabs[2].seen("not a tab")
+    pool.tabs[2].polled("not a tab")
     assert [len(tabs) for tabs in pool.tabs] == [1, 1, 0, 1, 1, 1]
 
 
