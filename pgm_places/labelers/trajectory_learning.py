@@ -16,7 +16,6 @@ from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.potentials import with_unseen_rows
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.method import as_backend, with_edge_kinds, with_shares
-from pgm_places.labelers.place_learning import confusion_counts, learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -254,6 +253,11 @@ def learn_method(
     ``scores`` (N, K) are held-out scores of the examples. The second result is the distance between
     updates, if it was chosen.
     """
+    from pgm_places.labelers.place_learning import (  # not needed for labelling
+        confusion_counts,
+        learn_movement,
+    )
+
     if not isinstance(method, Learnable):
         return with_shares(method, [examples.rows.truth], len(labeler.label_names)), None
     n_labels, moves_on_maps = len(labeler.label_names), False
