@@ -64,6 +64,7 @@ def explain(
         ]
         gates = [f"{gate.width_m:.2f} m ({100 * p:.0f} %)" for gate, p in of_region.gates[:6]]
         if shape:
-            say(f"{place.name}: {', '.join(shape)}; gates: {', '.join(gates) or 'none'}")
+            say(f"space between gates that holds most of {place.name}: {', '.join(shape)}")
+            say(f"gates next to it: {', '.join(gates) or 'none'}")
     if out is not None:
         say(f"wrote {write_bytes(out, explanation_picture(taught, explanation))}")

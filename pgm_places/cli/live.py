@@ -239,7 +239,8 @@ def _map_line(labels: "LiveLabels", json_lines: bool) -> str:
     names = {region.id: region.name for region in labels.topology.regions}
     new = ", ".join(names[place] for place in labels.appeared)
     gone = f"; {len(labels.vanished)} gone" if labels.vanished else ""
-    return f"map {labels.map_seq}: {n_places} places{f'; new: {new}' if new else ''}{gone}"
+    count = f"{n_places} place{'' if n_places == 1 else 's'}"
+    return f"map {labels.map_seq}: {count}{f'; new: {new}' if new else ''}{gone}"
 
 
 def _json(record: Mapping[str, Any]) -> str:

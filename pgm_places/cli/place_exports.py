@@ -23,7 +23,8 @@ def write_export(
 
     if request.to not in (known := ["nav2", "map", *OF_RADIUS, *EXPORTS, *TYPES]):
         raise InputError(
-            f"there is no export called {request.to!r}. {nearest_name(request.to, known)}"
+            f"there is no export called {request.to!r}. {nearest_name(request.to, known)}; "
+            "'pgm-places export --help' describes them"
         )
     values = _values(request.values)
     if request.to == "nav2":

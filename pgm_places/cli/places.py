@@ -161,8 +161,9 @@ def export(
     Parameters
     ----------
     to
-        nav2 (everything Nav2 needs), nav2-route, coverage, lif, map, regions, zones, keepout,
-        speed-percent, speed-m-s, binary, graphml, node-link, dot, geotiff or mcap.
+        nav2 (everything Nav2 needs: route graph, masks, waypoints), nav2-route, coverage,
+        lif (VDA 5050 layout), map, regions, zones, keepout, speed-percent, speed-m-s, binary,
+        graphml, node-link, dot, geotiff or mcap.
     out
         Folder for the files; DIR by default.
     values
@@ -229,6 +230,7 @@ def where(
         Position in the map frame (m).
     """
     from pgm_places.io.places.topology_files import load_named_topology
+    from pgm_places.topology.regions import extent
 
     topology = load_named_topology(folder)
     region = topology.place(_key(place)) if y is None else topology.region_at(_metres(place), y)
@@ -243,6 +245,7 @@ def where(
     say(f"next to: {near}")
     x_m, y_m = region.anchor_m
     say(f"anchor: {x_m:.2f} {y_m:.2f} (clearance {region.clearance_m:.2f} m)")
+    say(f"extent: {extent(region)}")
 
 
 def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:

@@ -223,7 +223,9 @@ def _summary(driven: "pp.Trajectory") -> str:
     seconds = driven.times_s[-1] - driven.times_s[0]
     n_beams = 0 if driven.geometry is None else driven.geometry.n_beams
     length_m = driven.path_length_m
-    lines = [f"{len(driven)} scans of {n_beams} beams over {length_m:.0f} m in {seconds:.0f} s"]
+    lines = [
+        f"{len(driven)} scans of {n_beams} beams; a drive of {length_m:.0f} m and {seconds:.0f} s"
+    ]
     if driven.labels is not None and driven.label_names is not None:
         rows = [["place", "steps", "share"]]
         names = [*driven.label_names, "unknown"]

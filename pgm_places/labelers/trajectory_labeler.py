@@ -299,7 +299,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         with (
             thread_limit(n_threads),
             reporting_to(progress),
-            report_stage("scans, features and list"),
+            report_stage("scans, features and scores"),
         ):
             views = observed_along(
                 trajectory, model.sensor, beams, known_map=known_map, floor=floor

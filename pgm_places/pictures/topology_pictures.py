@@ -134,7 +134,7 @@ def topology_drawing(
         page.text(_EDGE, _EDGE + 10, title, size=20, bold=True)
     caption = "places over the map"
     if checks := marked_checks(topology):
-        caption += "; check those with their numbers in red first"
+        caption += "; check the places with red numbers first"
     if split_candidates(topology):
         caption += "; split along red lines?"
     page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)

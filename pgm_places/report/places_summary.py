@@ -18,7 +18,8 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
     With their ``folder``, also the places that could be several rooms.
     """
     n = len(topology.corrections)
-    lines = [f"places: {count_line(topology)}; {n} region{'' if n == 1 else 's'} corrected"]
+    fragments = f"{n} fragment{'' if n == 1 else 's'} relabelled or dropped"
+    lines = [f"places: {count_line(topology)}; {fragments}"]
     doubt = doubt_summary(topology)
     lines += [] if doubt is None else [doubt]
     if folder is not None and (found := split_candidates(topology)):

@@ -151,8 +151,9 @@ def _cards(track: Track) -> Iterator[tuple[str, str]]:
         yield f"{100 * track.accuracy:.1f} %", "of the labels are correct"
     visits = list(track.visits())
     yield f"{track.trajectory.path_length_m:.0f} m", "path length"
-    yield f"{len(visits)}", "visits"
-    yield f"{len({visit.label for visit in visits})}", "kinds of places"
+    n_labels = len({visit.label for visit in visits})
+    yield f"{len(visits)}", "visit" if len(visits) == 1 else "visits"
+    yield f"{n_labels}", "label" if n_labels == 1 else "labels"
 
 
 def belief_table(track: Track) -> str:

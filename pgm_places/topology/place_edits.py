@@ -14,7 +14,7 @@ from pgm_places.topology import cuts
 from pgm_places.topology.checks import split_candidates
 from pgm_places.topology.cuts import Line, Parts
 from pgm_places.topology.place_ids import name_places
-from pgm_places.topology.regions import Region, connections_of, describe_regions
+from pgm_places.topology.regions import Region, connections_of, describe_regions, extent
 from pgm_places.topology.topological_map import TopologicalMap
 
 _WIDER_M = 0.5  # excess width (m) of further openings over the first that is cut
@@ -100,7 +100,7 @@ def split_across(
     if len(parts) < 2:
         raise InputError(
             f"the line from ({start_m[0]:g}, {start_m[1]:g}) to ({end_m[0]:g}, {end_m[1]:g}) "
-            f"does not divide {place.name!r}; draw it from wall to wall"
+            f"does not divide {place.name!r}; draw it from wall to wall ({extent(place)})"
         )
     return _split(topology, place, parts)
 

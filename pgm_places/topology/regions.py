@@ -133,12 +133,22 @@ class Region:
     probabilities: tuple[float, ...] | None = None
     hall: float | None = None
 
+    def __repr__(self) -> str:  # without the outline, which fills a screen
+        size = f"area_m2={self.area_m2:.1f}"
+        return f"Region(id={self.id}, name={self.name!r}, label={self.label!r}, {size})"
+
     @property
     def is_likely_hall(self) -> bool:
         """Whether it is shown as a corridor, but is more probably a hall than another corridor."""
         if self.label != CORRIDOR or self.hall is None or self.confidence is None:
             return False
         return self.hall > self.confidence / 2
+
+
+def extent(region: Region) -> str:
+    """The bounding box of a region in the map frame, for messages."""
+    left, bottom, right, top = region.box_m
+    return f"x {left:.2f} to {right:.2f} m, y {bottom:.2f} to {top:.2f} m"
 
 
 def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:

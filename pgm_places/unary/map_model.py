@@ -214,7 +214,7 @@ class UnaryModel:
         needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
         for item in lists:
             item.set_columns(needed)
-        with report_stage("scans, features and list") as stage:
+        with report_stage("scans, features and scores") as stage:
             if own is not None:
                 for item in lists:
                     item.score_cached(own, np.arange(n))

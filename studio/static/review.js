@@ -42,7 +42,7 @@ export class Review {
     const row = h("button", { className: "check", type: "button", "aria-expanded": String(chosen) },
       swatch(this.studio.colours.of(check.label)),
       h("b", {}, check.name),
-      h("small", {}, `${uncertain}${check.second_label ? `, perhaps ${check.second_label}` : ""}${hall}`),
+      h("small", {}, `${uncertain}${check.second_label ? `, may be ${check.second_label}` : ""}${hall}`),
       h("span", { className: "amount" }, `${check.doubtful_m2.toFixed(1)} m²`));
     row.addEventListener("click", () => this.go(k));
     const region = this.studio.places.byId.get(check.id);

@@ -14,6 +14,7 @@ from pgm_places.teaching.paint import Paint
 from tests.cli.conftest import Run
 
 NAMES = ("corridor", "room", "doorway")
+HOLDS = "space between gates that holds most of"
 NUMBER = r"[+-]\d+\.\d\d"
 
 
@@ -45,7 +46,7 @@ def test_the_label_its_parts_and_its_place_are_those_that_label_gives(
         for line in [line for line in rest if "? log-odds " in line]:
             whole, *parts = [float(number) for number in re.findall(NUMBER, line)]
             assert whole == pytest.approx(sum(parts), abs=0.021)  # each is rounded
-        assert any(line.startswith(f"{place['name']}: ") for line in rest)
+        assert any(line.startswith(f"{HOLDS} {place['name']}: ") for line in rest)
         assert any("log-odds" in line for line in rest)
         assert rest[-1] == f"wrote {picture}"
         with Image.open(picture) as image:

@@ -14,6 +14,7 @@ from pgm_places import load_topology
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.staging import file_names
 from pgm_places.labelling.files import PLACES
+from pgm_places.topology.regions import extent
 from tests.cli.conftest import Run
 
 
@@ -121,6 +122,7 @@ def test_nav2_without_routes_says_so_and_writes_the_rest(places: Path, run: Run)
         (["export", "--to", "nav2-rout"], "Did you mean 'nav2-route'"),
         (["export", "--to", "nav"], "Did you mean 'nav2'? Known: binary,"),
         (["export", "--to", "mapp"], "Did you mean 'map'"),
+        (["export", "--to", "waypoints"], "zones; 'pgm-places export --help' describes them"),
         (["export", "--to", "dot", "--keep-out", "room"], "accepts no --keep-out; nav2 and"),
         (["export", "--to", "nav2-route", "--keep-out", "rom"], "there is no class or place 'rom'"),
         (["export", "--to", "nav2-route", "--map", "m.yaml"], "accepts no --map; nav2 and map do"),
@@ -152,7 +154,7 @@ def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> 
     out = building / "labelled"
     code, text, _ = run("label", building / "map.yaml", "-m", building / "model", "-o", out, "-q")
     assert code == 0
-    assert " corrected\n" in text
+    assert " relabelled or dropped\n" in text
     found = json.loads((out / "places.json").read_text())
     assert found["regions"]
     assert all(region["confidence"] is not None for region in found["regions"])
@@ -248,6 +250,7 @@ def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
     by_name = run("where", places, "Anna's office")
     assert by_name[:2] == (0, run("where", places, x, y)[1]) == (0, run("where", places, number)[1])
     assert f"\nanchor: {x:.2f} {y:.2f} (clearance " in by_name[1]
+    assert f"\nextent: {extent(load_topology(places).place(number))}\n" in by_name[1]
     code, said, err = run("split", places, "Anna's office", x, y)
     assert code == 0, err
     after = json.loads((places / "places.json").read_text())

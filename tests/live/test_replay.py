@@ -179,6 +179,7 @@ def test_a_bag_with_maps_is_replayed_by_the_command(tmp_path: Path, run: Run) ->
     lines = text.splitlines()
     assert lines[1].startswith("map 1: ")
     assert any(line.startswith("map 2: ") for line in lines)
+    assert not any(": 1 places" in line for line in lines)
     rows = [json.loads(line) for line in (out / "places.jsonl").read_text().splitlines()]
     assert len(rows) == len(path)
     assert {row["map_seq"] for row in rows} == {0, 1, 2}

@@ -77,7 +77,9 @@ def test_the_report_loads_nothing_and_escapes_what_it_is_told(tmp_path: Path) ->
 def test_a_single_step_can_be_reported() -> None:
     path = Trajectory(np.zeros(1), np.array([[1.0, 1.0, 0.0]]))
     track = Track(path, Labeling(np.array([0]), Status.EXACT), ("corridor",))
-    assert "corridor" in track_page(track, building()[0].grid)
+    page = track_page(track, building()[0].grid)
+    assert "corridor" in page
+    assert "<b>1</b>visit<" in page and "<b>1</b>label<" in page
 
 
 def test_visits_start_when_the_log_does() -> None:

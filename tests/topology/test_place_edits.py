@@ -1,11 +1,14 @@
 """Places are renamed, merged and split, and all others stay as they are."""
 
+import re
+
 import numpy as np
 import pytest
 
 from pgm_places import OccupancyGrid, topological_map
 from pgm_places.errors import InputError
 from pgm_places.topology.place_edits import merged, renamed, split_across, split_at
+from pgm_places.topology.regions import extent
 from pgm_places.topology.topological_map import TopologicalMap
 
 NAMES = ("corridor", "room", "doorway")
@@ -81,7 +84,9 @@ def test_a_place_is_split_and_the_larger_part_keeps_its_id(how: str, yaw_rad: fl
 
 
 def test_a_line_that_parts_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="does not divide 'room 1'; draw it from wall to wall"):
+    limits = extent(house().place("room 1"))
+    message = f"does not divide 'room 1'; draw it from wall to wall ({limits})"
+    with pytest.raises(InputError, match=re.escape(message)):
         split_across(house(), "room 1", at(house(), 30, 5), at(house(), 30, 10))
     with pytest.raises(InputError, match="is not in 'room 1'"):
         split_at(house(), "room 1", at(house(), 5, 5))

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from pgm_places.maps.components import connected_components, squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.topology.regions import Region, contacts, describe_regions, edges, find_passages
+from pgm_places.topology.regions import (
+    Region,
+    contacts,
+    describe_regions,
+    edges,
+    extent,
+    find_passages,
+)
 from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")
@@ -42,6 +49,14 @@ def test_a_room_of_three_by_five_cells() -> None:
     assert room.anchor_m == pytest.approx((1.25, 1.25))  # the first of three equal cells
     assert room.clearance_m == pytest.approx(0.75)  # a cell and a half to the wall's face
     assert room.confidence is None
+
+
+def test_a_region_prints_on_one_line() -> None:
+    labels = np.full((5, 7), -1, np.int16)
+    labels[1:4, 1:6] = 1
+    _, [room] = described(labels)
+    assert repr(room) == "Region(id=1, name='place 1', label='room', area_m2=3.8)"
+    assert extent(room) == "x 0.50 to 3.00 m, y 0.50 to 2.00 m"
 
 
 def test_everything_turns_with_the_map() -> None:

@@ -100,6 +100,8 @@ def listed_names(image_path: Path | str, names_path: Path | str | None = None) -
 def _names_file(image_path: Path, names_path: Path | str | None) -> Path:
     if names_path is not None:
         return user_path(names_path, LabelError)
+    if not image_path.exists():
+        raise LabelError(f"{image_path}: no such file; expected a label image")
     own, shared = image_path.with_suffix(".yaml"), image_path.with_name("labels.yaml")
     if own.exists() or own == shared:
         return own

@@ -317,3 +317,10 @@ def test_default_values_are_spread_and_never_0(n_labels: int) -> None:
     assert min(values) >= 1
     assert max(values) <= 255
     assert len(set(np.diff([0, *values]).tolist())) == 1
+
+
+def test_a_missing_image_is_named_before_its_names(tmp_path: Path) -> None:
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), resolution_m=1)
+    for name in ("labels.png", "floor.png"):
+        with pytest.raises(LabelError, match=f"{name}: no such file; expected a label image"):
+            load_labels(tmp_path / name, ("room",), grid=grid)
