@@ -2,8 +2,8 @@
 
 A feature is a frozen dataclass. Its fields are its options, ``column_names`` names its columns,
 and one of two methods computes them: ``of_scans`` from full-circle scans, simulated or real, or
-``of_cells`` from the map itself. The columns of the laser come first, then those of custom features
-in the given order.
+``of_cells`` from the map itself. The columns of the laser come first, then the columns of custom
+features in their order.
 """
 
 from collections import Counter
@@ -94,7 +94,7 @@ def as_features(features: Sequence[str | Feature]) -> tuple[Feature, ...]:
 
 
 def n_columns(own: Sequence[Feature]) -> int:
-    """The number of columns: the laser's and those of custom features."""
+    """The number of columns: of the laser and of custom features."""
     return N_LASER + sum(len(feature.column_names) for feature in own)
 
 

@@ -110,7 +110,7 @@ class FloorNetwork:
     def unpacked(cls, data: NDArray[np.generic]) -> "FloorNetwork":
         """The network from the bytes of :meth:`packed`.
 
-        ModelFileError: the bytes are not those of a network of this shape.
+        ModelFileError: the bytes do not hold a network of this shape.
         """
         raw = np.ascontiguousarray(data).tobytes()
         n_others = sum(_n_others(name, shape) for name, shape in parameters())

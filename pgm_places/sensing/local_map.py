@@ -182,8 +182,8 @@ class LocalMap:
     def square(self, centre_m: ArrayLike, n_cells: int, factor: int) -> OccupancyGrid | None:
         """A coarsened square of the window as a map; None outside the window.
 
-        A coarse cell is occupied if any of its cells is, else free if any is, else unknown. The
-        result is that of :meth:`to_grid`, cropped and coarsened, without a copy of the window.
+        A coarse cell is occupied if any of its cells is, else free if any is, else unknown. This
+        equals :meth:`to_grid`, cropped and coarsened, without a copy of the window.
 
         ``centre_m`` (2,): x and y of the middle, in the frame of the poses. ``n_cells``: half the
         side of the square, in cells of the window; clipped to the window. ``factor``: cells of the

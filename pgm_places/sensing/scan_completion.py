@@ -35,7 +35,7 @@ class ScanCompletion:
     geometry : ScanGeometry
         The laser's beams.
     max_range_m : float
-        Longest output range: that of the sensor of the classifier's training.
+        Longest output range, as of the sensor of the classifier's training.
     missing : {"local-map", "known-map", "mirror", "max-range"}
         The source of missing beams: a rolling map of recent scans (paper, section 4, Fig. 4); ray
         casting in a known map from the robot's pose; the front's mirror image; or the maximum

@@ -220,7 +220,7 @@ class NodeFeatures:
 
     @classmethod
     def of(cls, features: CellFeatures, cells: MaskCells) -> Self:
-        """The features of the nodes of a map, from those of its cells."""
+        """The features of the nodes of a map, from the features of its cells."""
         watershed = features.divisions[0].watershed
         basin = watershed.basins.raster[1:-1, 1:-1][cells.mask]
         relief = watershed.relief[1:-1, 1:-1][cells.mask]

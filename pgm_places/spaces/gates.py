@@ -266,7 +266,7 @@ def _wider_side_last(profile_m: NDArray[np.float64]) -> NDArray[np.float64]:
 def gate_features(gates: Gates) -> NDArray[np.float64]:
     """(G, 75) the features of every candidate.
 
-    The columns are those of ``GATE_FEATURES``, which defines them.
+    ``GATE_FEATURES`` defines the columns.
     """
     finest = gates.segmentation.scales[0]
     radius = finest.radius_m[gates.segments]

@@ -267,10 +267,10 @@ class _Raster:
         entered &= sums.largest >= _standing(self.radius)
         entered |= (area_m2 < SCRAP_M2) & (unknown < SCRAP_UNKNOWN)
         entered[np.argmax(sums.n_free)] = True
-        beside = np.zeros(count, np.bool_)
-        beside[piece[_and_around(_in_pieces(piece, entered)) & self.is_open]] = True
-        beside &= (sums.largest < _standing(self.radius)) & (area_m2 < SCRAP_M2)
-        self._close(piece, ~(entered | beside))
+        adjacent = np.zeros(count, np.bool_)
+        adjacent[piece[_and_around(_in_pieces(piece, entered)) & self.is_open]] = True
+        adjacent &= (sums.largest < _standing(self.radius)) & (area_m2 < SCRAP_M2)
+        self._close(piece, ~(entered | adjacent))
 
     def _fill_shadows(self) -> None:
         """Treat small islands of cells that are not free as obstacles."""
@@ -296,7 +296,7 @@ def _kind(mask: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 def _in_pieces(piece: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W) which cells are in one of the chosen pieces."""
-    return np.append(chosen, False)[piece]  # the last one is that of cells without a piece, -1
+    return np.append(chosen, False)[piece]  # the last entry is for cells without a piece, -1
 
 
 def _and_around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -185,7 +185,7 @@ def cells_near_all(space: RouteSpace, targets: NDArray[np.int64]) -> NDArray[np.
 class Roads:
     """A growing graph of nodes and edges; nodes are indices.
 
-    The first ``n_chosen`` nodes are those of places and those that cover the space.
+    The first ``n_chosen`` nodes stand for places, or cover the space.
     """
 
     def __init__(self, space: RouteSpace, n_targets: int, n_chosen: int) -> None:

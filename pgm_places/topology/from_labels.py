@@ -119,7 +119,7 @@ def topological_map(
     doorways : Doorways, optional
         The gates of the map that are doorways, such as those of
         :func:`~pgm_places.labelling.label.label_map`. If there are any, they are the only
-        doorways, and every place ends at them, whatever the labels there: see
+        doorways, and every place ends at them, for any labels there: see
         :func:`~pgm_places.topology.gate_pieces.pieces_between`.
     cuts : sequence of ((float, float), (float, float)), optional
         Lines in the map frame that divide places: their two sides touch, without a doorway. A line

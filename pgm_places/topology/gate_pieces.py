@@ -230,8 +230,8 @@ def _empty_around(
     reached: NDArray[np.int64], open_cells: NDArray[np.bool_], values: Numbers
 ) -> NDArray[np.int64]:
     """(n, 2) the open cells without a value next to some cells: the next ring."""
-    beside = [reached + step for step in _NEIGHBOURS]
-    r, c, inside = _inside(np.concatenate(beside), values.shape)
+    neighbours = [reached + step for step in _NEIGHBOURS]
+    r, c, inside = _inside(np.concatenate(neighbours), values.shape)
     inside &= open_cells[r, c] & (values[r, c] < 0)
     flat = np.unique(r[inside] * values.shape[1] + c[inside])
     return np.stack(np.divmod(flat, values.shape[1]), axis=1)

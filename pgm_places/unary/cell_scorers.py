@@ -164,8 +164,8 @@ class LaserScorer:
             return self._of(table.take(nodes[some], self.expected))
 
         table.prepare(self.unary, 0, self.n_scores)
-        nothing_beside = np.empty((len(nodes), 0), np.float32)
-        scores = table.scores(self.unary, nodes, nothing_beside, score)
+        no_extra = np.empty((len(nodes), 0), np.float32)
+        scores = table.scores(self.unary, nodes, no_extra, score)
         self.scores[nodes, : self.n_scores] = scores
 
     def _of(self, values: NDArray[np.float32]) -> NDArray[np.float64]:

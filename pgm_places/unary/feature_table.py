@@ -137,33 +137,33 @@ class CachedFeatures:
         places = np.searchsorted(self.columns, columns)
         return self.values[self.row_of[nodes][:, np.newaxis], places]
 
-    def prepare(self, name: str, n_beside: int, n_scores: int) -> None:
+    def prepare(self, name: str, n_extra: int, n_scores: int) -> None:
         """Allocate the cache of a named list; :meth:`scores` may then run in threads."""
         cached = self._scores.get(name)
-        if cached is None or cached.kind != (n_beside, n_scores):
-            cached = self._scores[name] = _CachedScores(n_beside, n_scores)
+        if cached is None or cached.kind != (n_extra, n_scores):
+            cached = self._scores[name] = _CachedScores(n_extra, n_scores)
         cached.grow(self.n_rows)
 
     def scores(
         self,
         name: str,
         nodes: NDArray[np.int64],
-        beside: NDArray[np.float32],
+        extra: NDArray[np.float32],
         score: Callable[[NDArray[np.int64]], NDArray[np.float64]],
     ) -> NDArray[np.float64]:
         """(n, K) a list's scores of nodes; ``score`` is called for outdated ones.
 
-        ``name``: name of the list, as passed to :meth:`prepare`. ``nodes`` (n,). ``beside`` (n, B):
+        ``name``: name of the list, as passed to :meth:`prepare`. ``nodes`` (n,). ``extra`` (n, B):
         inputs of the list in addition to the row. ``score``: from positions (m,) in ``nodes`` to
         scores (m, K); each depends on its row and its additional inputs only.
         """
         cached, rows = self._scores[name], self.row_of[nodes]
         stale = cached.version[rows] != self._written[rows]
-        stale |= (cached.beside[rows] != beside).any(axis=1)
+        stale |= (cached.extra[rows] != extra).any(axis=1)
         renewed = np.flatnonzero(stale)
         if len(renewed):
             some = rows[renewed]
-            cached.scores[some], cached.beside[some] = score(renewed), beside[renewed]
+            cached.scores[some], cached.extra[some] = score(renewed), extra[renewed]
             cached.version[some] = self._written[some]
         return cached.scores[rows]
 
@@ -179,9 +179,9 @@ class CachedFeatures:
 class _CachedScores:
     """Cached scores per row, with the row version and extra inputs they belong to."""
 
-    def __init__(self, n_beside: int, n_scores: int) -> None:
-        self.kind = (n_beside, n_scores)
-        self.beside = np.empty((0, n_beside), np.float32)
+    def __init__(self, n_extra: int, n_scores: int) -> None:
+        self.kind = (n_extra, n_scores)
+        self.extra = np.empty((0, n_extra), np.float32)
         self.scores = np.empty((0, n_scores))
         self.version = np.empty(0, np.int64)
 
@@ -189,7 +189,7 @@ class _CachedScores:
         """Allocate a number of rows."""
         first = len(self.scores)
         if first < n_rows:
-            self.beside, self.scores = _grown(self.beside, n_rows), _grown(self.scores, n_rows)
+            self.extra, self.scores = _grown(self.extra, n_rows), _grown(self.scores, n_rows)
             self.version = _grown(self.version, n_rows)
             self.version[first:] = -1
 

@@ -1,4 +1,4 @@
-"""Floor-network scores: fused with those of boosted lists, and door lines without a gate.
+"""Floor-network scores: fused with scores of boosted lists, and door lines without a gate.
 
 Shares and weights were chosen on buildings held out (docs/notes/tried.md).
 """
@@ -299,7 +299,7 @@ def with_floor(
     n_k of the networks are their log-probabilities over sqrt(1 + pi d^2 / 8): where views differ
     by a deviation d of log-odds, their mean is no surer than they are together (MacKay 1992).
     Halls are among the corridors. ``hall`` (N,), the probability that circulation is a hall,
-    becomes the mean of its log-odds and those of the networks.
+    becomes the mean of its log-odds and the log-odds of the networks.
     """
     joined = np.empty_like(log_z)
     for first in range(0, len(log_z), ROWS_AT_ONCE):

@@ -217,7 +217,7 @@ class UnaryLearner:
         some = slice(None) if limit is None else cells.some_examples(limit, unfitted.seed)
         examples = cells.examples[some]
         rows = list_learning.Rows(
-            list_learning.beside_extra(cells.features[some], examples, extra),
+            list_learning.with_extra(cells.features[some], examples, extra),
             cells.truth[examples],
             cells.groups[examples],
             cells.domain[examples] if by_domain else None,

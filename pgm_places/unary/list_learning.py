@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
     from pgm_places.models.decision_list import DecisionListClassifier
 
 RAREST_FIRST = "rarest-first"
-"""An order that PlaceLabeler supports in addition to those of the list."""
+"""An order of labels that PlaceLabeler adds to the orders of the list."""
 
 
 def with_explicit_order(
@@ -198,13 +198,13 @@ class Lists:
     def _all_scores(self, *, held_out: bool) -> NDArray[np.float64]:
         scores = np.empty((len(self.cells.truth), self.n_labels))
         for some, values in self.cells.blocks():
-            scores[some] = self._of(some, beside_extra(values, some, self.extra), held_out)
+            scores[some] = self._of(some, with_extra(values, some, self.extra), held_out)
         return scores
 
     def scores_of_examples(self, *, held_out: bool) -> NDArray[np.float64]:
         """(n, K) log z of the examples, from the fitted list or from held-out lists."""
         examples = self.cells.examples
-        return self._of(examples, beside_extra(self.cells.features, examples, self.extra), held_out)
+        return self._of(examples, with_extra(self.cells.features, examples, self.extra), held_out)
 
     def _of(
         self, some: NDArray[np.int64], values: NDArray[np.float32], held_out: bool
@@ -280,7 +280,7 @@ class Stages:
         return [self.floor.scores(item.grid) for item in self.cells.maps]
 
 
-def beside_extra(
+def with_extra(
     values: NDArray[np.float32], cells: NDArray[np.int64], extra: Extra | None
 ) -> NDArray[np.float32]:
     """(n, F) rows of cells with additional columns."""

@@ -170,7 +170,7 @@ class UnaryModel:
         """The scores of a grid graph's nodes: scans, features and lists, streamed in tiles.
 
         Only the features that the lists and the result need are computed. Memory beyond the result
-        is bounded by the ray caster's tiles and by bands of rows, whatever the map's size.
+        is bounded by the ray caster's tiles and by bands of rows, for maps of any size.
 
         ``graph``: made by ``LabelGraph.from_grid``. ``unaries``: the requested scores; scores that
         the model lacks are skipped. ``with_node_features``: whether to compute features for
@@ -236,21 +236,14 @@ class UnaryModel:
         hall = None if around is None else around.hall
         if floor_scores is not None and self.floor is not None and around is not None:
             by_unary["floor"] = with_floor(around.scores, floor_scores, self.floor, layout, hall)
-        laser, context, space, floor = (
-            freeze(by_unary[name]) if name in by_unary and name in unaries else None
-            for name in ("laser", "context", "space", "floor")
-        )
         return CellScores(
-            laser,
-            context,
-            space,
-            None if features is None else freeze(features),
-            spaces,
-            None if hall is None else freeze(hall),
-            doorways,
-            None if around is None else around.features.segments,
-            floor,
-            self.exponents,
+            **{name: freeze(by_unary[name]) for name in by_unary.keys() & unaries},
+            node_features=None if features is None else freeze(features),
+            spaces=spaces,
+            hall=None if hall is None else freeze(hall),
+            doorways=doorways,
+            segments=None if around is None else around.features.segments,
+            exponents=self.exponents,
         )
 
     def gate_judge(self, floor_scores: FloorScores) -> FloorJudge:

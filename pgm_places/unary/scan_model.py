@@ -197,7 +197,7 @@ class ScanModel:
     extra_names: tuple[str, ...] = ()
     # custom features of scans: see :mod:`pgm_places.features.custom`
     features: tuple[Feature, ...] = ()
-    # whether the features of the spaces around the robot follow those of its scan
+    # whether features of the spaces around the robot follow the features of its scan
     sees_spaces: bool = False
     # The columns that the list uses, ascending.
     needed: NDArray[np.int64] = field(init=False, repr=False)

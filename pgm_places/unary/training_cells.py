@@ -115,7 +115,7 @@ class TrainingCells:
             first += size
 
     def by_map(self, values: NDArray[Any]) -> list[NDArray[Any]]:
-        """The rows of all cells as those of each map."""
+        """The rows of all cells, split by map."""
         return np.split(values, np.cumsum(self.sizes)[:-1])
 
 
