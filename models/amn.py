@@ -387,13 +387,6 @@ class AssociativeMarkovNetwork(LinearModel):
         """The log-potentials of a problem's nodes and edges by the learned weights.
 
         Rewards of cliques are in :meth:`clique_rewards`.
-
-        Raises
-        ------
-        NotFittedError
-            The network has not learned.
-        InputError
-            Other labels or features than in training.
         """
         node_weights, edge_weights = self._learned("node_weights", "edge_weights")
         self._require_labels(problem)

@@ -87,20 +87,9 @@ def baum_welch(
 ) -> LearnedChains:
     """The tables at which expectation maximisation converges.
 
-    Parameters
-    ----------
-    chains : sequence of ChainToLearn
-    tables : ChainTables
-        Initial tables, counted on labelled steps.
-    prior : (K,) float
-        Share of each label, the divisor of ``observation="posterior"``.
-    observation : {"posterior", "hard", "soft"}
-        Observation model of the HMM; with ``posterior`` the confusions are not learned.
-    learns_start : bool
-        Whether the initial distribution is learned, or uniform.
-    smoothing : float
-        Added to every expected count.
-    max_rounds : int
+    ``tables`` were counted on labelled steps. ``prior`` (K,), the share of each label, divides
+    ``posterior`` observations, for which confusions are not learned. The initial distribution is
+    uniform unless ``learns_start``. ``smoothing`` is added to every expected count.
 
     Examples
     --------
@@ -140,13 +129,8 @@ def with_unlabelled(
 ) -> dict[str, Any]:
     """Tables of a hidden Markov model learned with unlabelled steps, by the names of its fields.
 
-    ``model`` has the tables counted on labelled steps; ``moved`` is a function of a chain: whether
-    the robot moved between its steps.
-
-    Raises
-    ------
-    InputError
-        Steps of one chain differ in weight: expected counts have one weight per chain.
+    ``model`` has the tables counted on labelled steps; ``moved(graph)`` (T - 1,) is whether the
+    robot moved between steps. Expected counts have one weight per chain.
     """
     if any(len(np.unique(part)) > 1 for part in weights):
         raise InputError(

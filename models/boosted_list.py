@@ -136,13 +136,7 @@ class BoostedList:
         return first_positive(scores, self.order)
 
     def restricted(self, columns: ArrayLike) -> Self:
-        """The list for matrices with only these columns, in this order.
-
-        Raises
-        ------
-        InputError
-            A column is unknown or named twice, or a used column is missing.
-        """
+        """The list for matrices with only these columns, in this order; used ones must be there."""
         kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         place = np.full(self.n_features, -1, np.int64)
         place[kept] = np.arange(len(kept))
@@ -161,12 +155,8 @@ class BoostedList:
         """The stumps on these columns, for matrices with only these columns, in this order.
 
         F is a sum over stumps: the :meth:`scores` of parts with disjoint columns that cover all
-        columns sum to the scores of the list, up to rounding.
-
-        Raises
-        ------
-        InputError
-            The list consists of trees, which use several columns together.
+        columns sum to the scores of the list, up to rounding. Trees use several columns together:
+        InputError.
         """
         kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         if isinstance(self.classifiers[0], BoostedTrees):
@@ -232,13 +222,7 @@ class BoostedList:
 
     @classmethod
     def from_arrays(cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
-        """The list stored by :meth:`to_arrays`.
-
-        Raises
-        ------
-        ModelFileError
-            An entry is missing, of the wrong type, out of bounds, or inconsistent.
-        """
+        """The list stored by :meth:`to_arrays`; ModelFileError if it is damaged."""
         try:
             return cls._from_checked(meta, arrays)
         except ModelFileError:
@@ -317,28 +301,9 @@ def list_average(lists: Sequence[BoostedList]) -> BoostedList:
     """A list whose log-odds are the mean log-odds of several lists of trees.
 
     F is a sum over trees, so the mean of L classifiers is again a sum: it has all trees, with
-    leaves scaled by 1 / L and by each list's calibration.
-
-    Parameters
-    ----------
-    lists : sequence of L BoostedList
-        Lists of trees of one depth, on equal columns, with equal classes in equal order.
-
-    Returns
-    -------
-    BoostedList
-        ``log_histogram`` combines the geometric means of the binary confidences by equation 8. A
-        single list is returned unchanged.
-
-    Raises
-    ------
-    InputError
-        The lists do not match, or are lists of stumps.
-
-    References
-    ----------
-    Breiman, Bagging predictors, Machine Learning 24, 1996; here the lists differ in their training
-    maps.
+    leaves scaled by 1 / L and by each list's calibration (Breiman, Bagging predictors, Machine
+    Learning 24, 1996; here the lists differ in their training maps). The lists need trees of one
+    depth, equal columns, and equal classes in equal order.
     """
     first, *others = lists
     if not others:

@@ -31,32 +31,18 @@ def boost(
 ) -> StrongClassifier:
     """A strong classifier that separates positive from negative examples, by AdaBoost.
 
-    Generalised AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
-    each round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
-    neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)). Stumps whose
-    ``|r|`` differ by less than 2**-40 count as equal: the lowest column wins, then the lowest
-    threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no error.
+    Generalised AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight; each
+    round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
+    neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)), multiplied by
+    ``shrinkage``. Stumps whose ``|r|`` differ by less than 2**-40 count as equal: the lowest column
+    wins, then the lowest threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no
+    error.
 
-    Parameters
-    ----------
-    prepared : SortedFeatures
-        Shared by all problems on one matrix; only its cache of sorted bins changes.
-    positive, negative : list of int
-        The parts that make up each class; other parts are ignored.
-    shrinkage : float
-        Every alpha is multiplied by this; 1 is the paper's.
-    sample_weight : (rows of X,) float64, optional
-        Positive numbers that multiply the initial weights.
-    margin : (rows of X,) float64, optional
-        F of earlier rounds, which boosting continues: see :func:`initial_weights`. ``|r|`` is
-        then at most 1 - 1/n for n examples, and a stump without error does not end boosting.
-    on_round : callable, optional
-        Called after each round with the number of rounds so far and r.
-
-    Raises
-    ------
-    InputError
-        One of the classes has no example.
+    ``positive`` and ``negative`` are the parts that make up each class; both need an example.
+    ``sample_weight`` (rows of X,) multiplies the initial weights. ``margin`` (rows of X,) is F of
+    earlier rounds, which boosting continues (:func:`initial_weights`): ``|r|`` is then at most 1 -
+    1/n for n examples, and a stump without error does not end boosting. ``on_round`` is called with
+    the number of rounds so far and r.
     """
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
@@ -134,39 +120,16 @@ def boost_trees(
 ) -> BoostedTrees:
     """A sum of trees that separates positive from negative examples, by gentle AdaBoost.
 
-    Gentle AdaBoost: both classes start with half of the weight; each round grows the regression
-    tree f of least weighted squared error sum w (y - f)^2, whose leaves are E_w[y] in [-1, 1],
-    adds shrinkage times f to F, and multiplies the weights by exp(-y shrinkage f). Weights are
-    rounded to whole multiples of 2**-30 of their sum before they are added up. It stops early when
-    the weighted correlation of y and f is below ``tolerance``.
+    Both classes start with half of the weight; each round grows the regression tree f of least
+    weighted squared error sum w (y - f)^2, whose leaves are E_w[y] in [-1, 1], adds shrinkage times
+    f to F, and multiplies the weights by exp(-y shrinkage f). Weights are rounded to whole
+    multiples of 2**-30 of their sum before they are added up. It stops early when the weighted
+    correlation of y and f is below ``tolerance``.
 
-    Parameters
-    ----------
-    prepared : SortedFeatures
-        Shared by all problems on the same matrix; not changed.
-    positive, negative : list of int
-        The parts that make up each class; other parts are ignored.
-    max_depth : int
-        Levels of splits, 2 to 4: trees of at most 4 to 16 leaves.
-    shrinkage : float
-        Factor of every tree's vote.
-    feature_share : float
-        The probability of each feature to take part in a tree, redrawn for every tree from ``seed``
-        (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
-    least_weight : float
-        No split leaves a side with less than this part of all weight.
-    sample_weight : (rows of X,) float64, optional
-        Positive numbers that multiply the initial weights.
-    margin : (rows of X,) float64, optional
-        F of earlier rounds, which boosting continues: see
-        :func:`~pgm_places.models.boosting_rounds.initial_weights`.
-    on_round : callable, optional
-        Called after each round with the number of rounds so far and the correlation.
-
-    Raises
-    ------
-    InputError
-        One of the classes has no example.
+    Trees have ``max_depth`` levels of splits, 2 to 4. Each searches a ``feature_share`` of the
+    columns, redrawn from ``seed`` (stochastic gradient boosting, Friedman 2002, of columns instead
+    of rows); no split leaves a side with less than ``least_weight`` of all weight. Other arguments
+    are those of :func:`boost`.
     """
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)

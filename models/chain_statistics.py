@@ -23,26 +23,14 @@ accurate to the last digits."""
 
 
 def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np.float64], float]:
-    """The transitions (K, K) over ``exponent`` steps, and the largest change of the table.
+    """The transitions (K, K) over ``exponent`` > 0 steps, and the largest change of the table.
 
     ``P^e = exp(e Q)`` with the generator ``Q = log P``, whose rates must not be negative. Not every
     table is embeddable in a process in continuous time. Negative rates of ``Q`` are set to 0 and
     its rows made to sum to 0 (Israel, Rosenthal and Wei, "Finding generators for Markov chains via
     empirical transition matrices", Mathematical Finance 11, 2001); the second result is then the
     largest difference of any probability between ``P`` and ``exp(Q)``. Integer powers are exact,
-    with a second result of 0.
-
-    Parameters
-    ----------
-    transition : (K, K) float
-        Probability of each label (column) one step after each (row).
-    exponent : float
-        Above 0: below 1 for shorter steps.
-
-    Raises
-    ------
-    InputError
-        Rows do not sum to one, the exponent is not above 0, or the table has no real logarithm.
+    with a second result of 0. A table without a real logarithm is an InputError.
 
     Examples
     --------
@@ -87,8 +75,7 @@ def transition_at(
     """The transitions (K, K) for updates every ``to_m`` metres, and their largest change.
 
     They were used for updates every ``from_m``, and counted over ``counted_m``. If the latter is
-    larger, as on simulated runs, they do not change up to that distance. Raises as
-    :func:`transition_power`.
+    larger, as on simulated runs, they do not change up to that distance.
     """
     factor = to_m / from_m
     if factor > 1:
@@ -138,26 +125,10 @@ def learned_tables(
 ) -> dict[str, Any]:
     """Tables of a hidden Markov model from counts over all chains, by name.
 
-    Parameters
-    ----------
-    problems, labelings
-        Chains with unaries, and the true label (T,) of each step, -1 where it is unknown.
-    moved : function of a chain
-        (T - 1,) whether the robot moved between each step and the next.
-    method : str
-        Name of the method for error messages.
-    smoothing : float
-        Added to every count.
-    weights : sequence of (T,) float
-        Weight of each step; a move has the smaller weight of its two steps.
-    lengths : sequence of (T - 1,) float
-        Step lengths of the chains for which they are known.
-
-    Raises
-    ------
-    InputError
-        A problem is not a chain, has no unary, or other labels than the first; no step is
-        labelled.
+    ``moved(graph)`` (T - 1,) is whether the robot moved between steps; ``method`` is named in
+    errors; ``smoothing`` is added to every count. ``weights`` are (T,) for each chain; a move has
+    the smaller weight of its two steps. ``lengths`` (T - 1,) are those of chains with known step
+    lengths.
     """
     pairs = labelled_problems(problems, labelings)
     n_labels = pairs[0][0].n_labels
@@ -207,11 +178,6 @@ def counted_tables(
     """The tables of a hidden Markov model by name, for the counts that are passed.
 
     ``begun``: whether the model has an initial distribution; otherwise it is uniform.
-
-    Raises
-    ------
-    InputError
-        A count is negative or not finite, or shapes do not fit.
     """
     counted: dict[str, NDArray[np.float64]] = {}
     n_labels: int | str = "K"
@@ -249,13 +215,7 @@ def usual_length(counted: NDArray[np.float64] | None, of_runs: float) -> float:
 
 
 def moved_steps(graph: LabelGraph, stay_below_m: float) -> NDArray[np.bool_]:
-    """(T - 1,) whether the robot moved at least the threshold between each step and the next.
-
-    Raises
-    ------
-    InputError
-        The threshold is above 0, and the graph has no positions.
-    """
+    """(T - 1,) whether the robot moved at least the threshold between each step and the next."""
     if stay_below_m <= 0:
         return np.ones(max(graph.n_nodes - 1, 0), np.bool_)
     if graph.positions_m is None:
@@ -278,13 +238,7 @@ def require_chain(graph: LabelGraph, method: str) -> None:
 def count_table(
     name: str, values: ArrayLike, shape: tuple[int | str | None, ...]
 ) -> NDArray[np.float64]:
-    """``values`` as counts of this shape, which must be square if it has two axes.
-
-    Raises
-    ------
-    InputError
-        The shape is wrong, or a count is negative or not finite.
-    """
+    """``values`` as counts of this shape, which must be square if it has two axes."""
     counts: NDArray[np.float64] = finite_array(name, values, shape)
     if counts.ndim == 2 and counts.shape[0] != counts.shape[1]:
         raise InputError(f"{name} must be square, got shape {counts.shape}")

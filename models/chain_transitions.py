@@ -96,13 +96,7 @@ FINEST = 1e-3
 
 
 def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.float64] | None:
-    """(T - 1,) length of each step of a chain; None for ``step_length = 'usual'``.
-
-    Raises
-    ------
-    InputError
-        The chain has no positions, no lengths in its edge features, or a negative length.
-    """
+    """(T - 1,) length of each step of a chain; None for ``step_length = 'usual'``."""
     graph = problem.graph
     if lengths == "usual":
         return None
@@ -128,13 +122,7 @@ def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.fl
 def known_lengths(
     problems: Sequence[LabelingProblem], lengths: StepLength
 ) -> list[NDArray[np.float64]]:
-    """Step lengths of chains; with ``step_length = 'usual'`` of chains with positions.
-
-    Raises
-    ------
-    InputError
-        Lengths are required, and a chain has none, or all are 0.
-    """
+    """Step lengths of chains; with ``step_length = 'usual'`` of chains with positions."""
     if lengths == "usual":
         placed = [item for item in problems if item.graph.positions_m is not None]
         return [np.asarray(step_lengths(item, "positions")) for item in placed]
@@ -166,21 +154,11 @@ class ChainTransitions(StepFilter):
         raise NotImplementedError
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
-        """A model for updates every ``to_m`` metres, and the largest change of its table.
-
-        Parameters
-        ----------
-        from_m, to_m : float
-            Old and new distance between updates.
+        """A model for updates every ``to_m``, not ``from_m`` metres; its table's largest change.
 
         See :func:`pgm_places.models.chain_statistics.transition_at` and
         :func:`pgm_places.models.evidence_weight.weights_at`. With transitions by step length, only
         weights change.
-
-        Raises
-        ------
-        InputError
-            A distance is not above 0.
         """
         if not (from_m > 0 and to_m > 0):
             raise InputError(

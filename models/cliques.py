@@ -60,11 +60,6 @@ def with_set_nodes(
     """The graph with auxiliary nodes of sets appended, and its potentials.
 
     With three labels or more, the potentials have one more label: "mixed".
-
-    Raises
-    ------
-    InputError
-        A weight below 0, or a dissent outside (0, 1].
     """
     potentials.check_fits(graph)
     k = potentials.n_labels
@@ -94,30 +89,21 @@ def decode_with_cliques(
 ) -> Labeling:
     """The labelling of a pairwise model with sets of nodes, by a named decoder.
 
+    With two labels ``graph-cut`` finds the optimum, as does ``exact`` (which gives no beliefs
+    here). Beliefs (``sum-product``, ``mean-field``) are marginals of ``p ~ exp(score)`` including
+    the rewards of sets.
+
     Parameters
     ----------
-    graph, potentials
-        The pairwise part of the model.
+    graph, potentials, method, certify, max_iterations
+        As of :func:`pgm_places.models.decoding.decode`.
     cliques : Cliques
         The sets.
-    method : str
-        The name of a decoder. With two labels ``graph-cut`` finds the optimum, as does ``exact``
-        (which gives no beliefs here). Beliefs (``sum-product``, ``mean-field``) are marginals of
-        ``p ~ exp(score)`` including the rewards of sets.
     weight : float or (C, K) float
-        Reward per node of a set whose nodes all agree, optionally by set and label.
+        Reward per node of a set whose nodes all agree, optionally by set and label; at least 0.
     dissent : float
-        The share of its nodes, above 0 and up to 1, that may differ before a set earns nothing.
-    certify, max_iterations
-        As of :func:`pgm_places.models.decoding.decode`.
-
-    Raises
-    ------
-    ConfigError
-        The method is unknown.
-    InputError
-        A weight below 0; a dissent outside (0, 1], or above 1/2 for ``sum-product`` and
-        ``mean-field`` with three labels or more.
+        The share of its nodes, above 0 and up to 1, that may differ before a set earns nothing; at
+        most 1/2 for ``sum-product`` and ``mean-field`` with three labels or more.
 
     Examples
     --------
@@ -236,13 +222,7 @@ def clique_terms(
 def learned_rewards(
     problem: LabelingProblem, weights: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """(C, K) reward per node of a clique of one label, from learned weights (G, K).
-
-    Raises
-    ------
-    InputError
-        Only one of problem and training has cliques, or their features differ.
-    """
+    """(C, K) reward per node of a clique of one label, from learned weights (G, K)."""
     features = clique_features(problem)
     learned_from = 0 if weights is None else len(weights)
     if features.shape[1] != learned_from:

@@ -43,21 +43,14 @@ LossOf = Callable[[NDArray[np.int64]], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """The result of learning with unknown labels.
-
-    Parameters
-    ----------
-    solution : LearnedWeights
-        Of the last step.
-    labels : (N,) int
-        The completed labels.
-    objectives : (R,) float
-        The objective of the concave-convex procedure after each round; it never rises.
-    """
+    """The result of learning with unknown labels."""
 
     solution: LearnedWeights
+    """Of the last step."""
     labels: NDArray[np.int64]
+    """(N,) the completed labels."""
     objectives: NDArray[np.float64]
+    """(R,) the objective of the concave-convex procedure after each round; it never rises."""
 
 
 def completes(
@@ -92,25 +85,13 @@ def learn_completed(
     best: Oracle,
     last: Callable[[Any], LearnedWeights],
 ) -> Completed:
-    """Max-margin weights with some unknown labels.
+    """Max-margin weights with some unknown labels, which are -1 in ``truth`` (N,).
 
-    The concave-convex procedure completes the labels, from the start with the least objective after
-    one round. In a last step nodes of known label have weight 1, all others :data:`HIDDEN_LOSS`.
-
-    Parameters
-    ----------
-    problem : MaxMarginProblem or TableMarginProblem
-        Its labels and loss are ignored; its penalty C refers to the mean loss of labelled nodes.
-    truth : (N,) int
-        Labels including observed ones, -1 where unknown.
-    starts : sequence of (N,) int
-        Initial completions.
-    loss_of : callable
-        Labels (n,) -> cost of a wrong label at each node (n,), with mean 1.
-    solve, last : callable
-        The learner in the rounds, and in the last step.
-    best : callable
-        A labelling of large score.
+    The concave-convex procedure completes the labels, from the initial completion in ``starts``
+    with the least objective after one round. In a last step nodes of known label have weight 1, all
+    others :data:`HIDDEN_LOSS`. ``solve`` learns in the rounds, ``last`` in that step; ``best``
+    returns a labelling of large score. The problem's labels and loss are ignored; its penalty C
+    refers to the mean loss of labelled nodes.
     """
     known = truth >= 0
     observed = np.zeros(len(truth), np.bool_) if problem.observed is None else problem.observed >= 0
@@ -175,18 +156,7 @@ def alone_weights(
     penalty: float,
     node_weight: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """(D, K) weights of a max-margin classifier of single nodes.
-
-    Parameters
-    ----------
-    features : (N, D) float
-    labels : (N,) int
-    n_labels : int
-    penalty : float
-        C, the factor of the mean loss.
-    node_weight : (N,) float, optional
-        Weight of each node.
-    """
+    """(D, K) weights of a classifier of single nodes with features (N, D)."""
     no_edges = adjacency(len(labels), np.zeros((0, 2), np.int64))
     field = TableField(features, no_edges, np.zeros((0, 0)), n_labels)
     alone = maximize_likelihood(field, labels, penalty, kind="piecewise", node_weight=node_weight)
@@ -206,16 +176,9 @@ def best_of_hidden(
 ) -> tuple[float, NDArray[np.float64]]:
     """The candidate that labels hidden nodes best, and (P, 2) candidates and balanced accuracies.
 
-    Parameters
-    ----------
-    truth : (N,) int
-    parts : (N,) int
-        Part of each label; labels of a part are hidden together, their nodes stay in the graph.
-    candidates : sequence of float
-    labels_with : callable
-        Labels (N,) with a part hidden -> for each candidate its labels (N,) of all nodes.
-
-    Among equals the smallest wins. If no label can be hidden, the first one is returned.
+    Labels of one of the ``parts`` (N,) are hidden together, their nodes stay in the graph;
+    ``labels_with`` maps the remaining labels (N,) to all nodes' labels, for each candidate. Among
+    equals the smallest wins. If no label can be hidden, the first one is returned.
     """
     everywhere: list[NDArray[np.int64]] = []
     answers: list[list[NDArray[np.int64]]] = [[] for _ in candidates]

@@ -370,13 +370,6 @@ class ConditionalRandomField(LinearModel):
         """The log-potentials of a problem's nodes and edges by the learned weights.
 
         Rewards of cliques are in :meth:`clique_rewards`.
-
-        Raises
-        ------
-        NotFittedError
-            The field has not learned.
-        InputError
-            Other labels or features than in training.
         """
         node_weights, tables = self._learned("node_weights", "tables")
         self._require_labels(problem)

@@ -54,33 +54,22 @@ DECODING_PASSES = 100
 
 @dataclass(frozen=True, eq=False)
 class LearningTask:
-    """The training problems as one.
-
-    Parameters
-    ----------
-    field : TableField
-    labels : (N,) int
-        True labels, -1 where unknown.
-    loss : (N,) float
-        Cost of a wrong label, for max-margin learning; 0 where the label is unknown.
-    loss_of : callable
-        Labels (n,) -> cost of a wrong label at each node (n,), for completed labels.
-    weight : (N,) float, optional
-        Weight of each node; ``loss`` includes it.
-    observed : (N,) int, optional
-        Labels that are evidence during learning, -1 elsewhere; their loss is 0.
-    costs : (K, K) float, optional
-        Cost of each label (column) for each true one (row), times the loss, for max-margin
-        learning.
-    """
+    """The training problems as one."""
 
     field: TableField
     labels: NDArray[np.int64]
+    """(N,) true labels, -1 where unknown."""
     loss: NDArray[np.float64]
+    """(N,) cost of a wrong label, for max-margin learning; 0 where the label is unknown."""
     loss_of: LossOf
+    """Labels (n,) -> cost of a wrong label at each node (n,), for completed labels."""
     weight: NDArray[np.float64] | None = None
+    """(N,) weight of each node; ``loss`` includes it."""
     observed: NDArray[np.int64] | None = None
+    """(N,) labels that are evidence during learning, -1 elsewhere; their loss is 0."""
     costs: NDArray[np.float64] | None = None
+    """(K, K) cost of each label (column) for each true one (row), times the loss, for max-margin
+    learning."""
 
     def weighing(self, weight: NDArray[np.float64]) -> "LearningTask":
         """The task with node weights (N,), scaled to the same mean loss."""

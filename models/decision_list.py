@@ -303,13 +303,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return self._fitted().features_in_order_of_choice(limit)
 
     def restricted(self, columns: ArrayLike) -> "DecisionListClassifier":
-        """A copy for matrices that hold only these columns, in this order.
-
-        Raises
-        ------
-        InputError
-            A column is unknown or named twice, or a used column is missing.
-        """
+        """A copy for matrices with only these columns, in this order; used ones must be there."""
         fitted = self._fitted()
         copy = self._like(fitted.restricted(columns))
         names = getattr(self, "feature_names_in_", None)
@@ -325,9 +319,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     def from_arrays(
         cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]
     ) -> "DecisionListClassifier":
-        """The fitted classifier stored by :meth:`to_arrays`.
-
-        Order, decision and clip are restored; training options have their defaults.
+        """The fitted classifier stored by :meth:`to_arrays`; training options have their defaults.
 
         Raises
         ------

@@ -28,21 +28,14 @@ MOST_NODES, MOST_LABELS = 8, 3
 
 @dataclass(frozen=True)
 class DecoderReport:
-    """The results of a decoder that passed all test problems.
-
-    Parameters
-    ----------
-    statuses : mapping of str to int
-        Number of labellings by status; ``infeasible`` includes correct InfeasibleErrors.
-    refused : int
-        Number of problems that it does not support (InputError).
-    best : int
-        Number of optimal labellings, proved or not.
-    """
+    """The results of a decoder that passed all test problems."""
 
     statuses: Mapping[str, int]
+    """Number of labellings by status; ``infeasible`` includes correct InfeasibleErrors."""
     refused: int
+    """Number of problems that it does not support (InputError)."""
     best: int
+    """Number of optimal labellings, proved or not."""
 
 
 def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> DecoderReport:

@@ -37,14 +37,7 @@ def decoder_names() -> list[str]:
 
 
 def named_decoder(name: str) -> NamedDecoder:
-    """The decoder of that name.
-
-    Raises
-    ------
-    ConfigError
-        The name is unknown (the message suggests the nearest one), or the installed entry point
-        cannot be imported or is not a function.
-    """
+    """The decoder of that name; ConfigError if it is unknown, or its entry point is no function."""
     known = DECODERS.get(name) or _registered.get(name)
     if known is not None:
         return known

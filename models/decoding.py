@@ -48,13 +48,7 @@ def node_without_labels(graph: LabelGraph, potentials: Potentials) -> int | None
 
 @contextlib.contextmanager
 def naming_the_node(graph: LabelGraph, potentials: Potentials) -> Iterator[None]:
-    """Add the name of a contradictory node, if one is found, to an InfeasibleError of the block.
-
-    Raises
-    ------
-    InfeasibleError
-        Raised by the block.
-    """
+    """Add the name of a contradictory node, if one is found, to an InfeasibleError of the block."""
     try:
         yield
     except InfeasibleError as error:

@@ -67,21 +67,11 @@ def log_likelihood(
 ) -> NDArray[np.float64]:
     """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
 
-    Allowed labels have equal likelihoods if the classifier's confusions exclude them all, or if
-    there is no observation: all labels are forbidden, or the allowed ones are NaN.
-
-    Parameters
-    ----------
-    unary : (T, K) float
-        Log-probabilities of the labels from the classifier; -inf forbids a label.
-    observation : {"posterior", "hard", "soft"}
-        See :class:`pgm_places.models.hmm.HiddenMarkovModel`.
-    confusion : (K, K) float
-        Probability of the classifier's best label (column) at each true one (row).
-    prior : (K,) float
-        Share of each label in training.
-    weight : float
-        Exponent of the likelihood.
+    ``unary`` (T, K) are the classifier's log-probabilities, ``confusion`` (K, K) the probability of
+    its best label (column) at each true one (row), ``prior`` (K,) the share of each label,
+    ``weight`` the exponent of the likelihood. Allowed labels have equal likelihoods if the
+    classifier's confusions exclude them all, or if there is no observation: all labels are
+    forbidden, or the allowed ones NaN.
     """
     missing = np.isnan(unary)
     unary = np.where(missing, 0.0, unary)
@@ -120,19 +110,13 @@ SHRINKAGES = (0.0, 0.3, 0.6)
 
 
 class FittedWeights(NamedTuple):
-    """The best evidence weight and exponent of the labels' shares, with their scores.
-
-    Parameters
-    ----------
-    weight, balance : float
-    accuracy, balanced_accuracy : float
-        On the known steps of the training sequences.
-    """
+    """The best evidence weight and exponent of the labels' shares, with their scores."""
 
     weight: float
     balance: float
     accuracy: float
     balanced_accuracy: float
+    """On the known steps of the training sequences."""
 
 
 def best_weights(
@@ -153,21 +137,9 @@ def best_weights(
     least exponent win. An exponent above the least one must not reduce accuracy. Pairs below
     ``least_accuracy`` are chosen only if all are below, and then by accuracy.
 
-    Parameters
-    ----------
-    labels_at : function of a weight, an exponent and a problem
-        The labels (N,) that the model infers with these, in the mode of its use.
-    problems, labelings
-        Chains with held-out unaries, and the true label index (N,) of each step, -1 where it is
-        unknown.
-    weights, balances : sequence of float
-        The candidates.
-    node_weights : sequence of (N,) float, optional
-        Weight of each step.
-    least_accuracy : float
-    is_enough : function of (N,) int, optional
-        Whether the labels of all known steps are good enough; if no pair's are, the result is
-        None.
+    ``labels_at(weight, exponent, problem)`` infers labels (N,) in the mode of their use; unaries
+    should be held-out. ``is_enough`` tests the labels of all known steps; None if no pair's are
+    good enough.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)

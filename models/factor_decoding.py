@@ -52,11 +52,6 @@ def decode_factors(
     certify, max_iterations
         As of :func:`~pgm_places.models.decoding.decode`.
 
-    Returns
-    -------
-    Labeling
-        ``beliefs`` are (N, K) for the largest number of labels K, 0 for labels that a node lacks.
-
     Raises
     ------
     ConfigError

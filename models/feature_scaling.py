@@ -21,25 +21,17 @@ SAME_COLUMN = 1.0 - 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Standardization:
-    """Selection and scaling of node feature columns, learned on training nodes.
-
-    Parameters
-    ----------
-    n_columns : int
-        Columns of the input.
-    columns : (D',) int
-        Selected columns: neither constant nor a repetition of an earlier one.
-    mean, scale : (D',) float
-        Offset to subtract from each, then divisor.
-    clip : float
-        Limit of the result's magnitude; infinite for none.
-    """
+    """Selection and scaling of node feature columns, learned on training nodes."""
 
     n_columns: int
+    """Columns of the input."""
     columns: NDArray[np.int64]
+    """(D',) selected columns: neither constant nor a repetition of an earlier one."""
     mean: NDArray[np.float64]
     scale: NDArray[np.float64]
+    """(D',) offset to subtract from each, then divisor."""
     clip: float = CLIP
+    """Limit of the result's magnitude; infinite for none."""
 
     def __post_init__(self) -> None:
         set_frozen(self, columns=self.columns, mean=self.mean, scale=self.scale)
@@ -76,13 +68,7 @@ class Standardization:
     def of_all(
         cls, features: Sequence[NDArray[np.float64]], scale: Scale = "auto"
     ) -> "Standardization":
-        """The common standardisation of several training problems.
-
-        Raises
-        ------
-        InputError
-            They differ in their number of features.
-        """
+        """The common standardisation of several training problems."""
         if len({part.shape[1] for part in features}) > 1:
             raise InputError(
                 "training problems must have the same number of node features, got "
@@ -91,13 +77,7 @@ class Standardization:
         return cls.of(stacked_rows(features), scale)
 
     def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, D' + 1): selected columns scaled and clipped, then the constant 1.
-
-        Raises
-        ------
-        InputError
-            The number of columns differs from training, or features are sparse but were dense.
-        """
+        """(N, D' + 1): selected columns scaled and clipped, then the constant 1."""
         if features.shape[1] != self.n_columns:
             raise InputError(
                 f"the model was trained on {self.n_columns} node features, this problem has "

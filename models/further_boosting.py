@@ -18,21 +18,14 @@ from pgm_places.options.marks import Ge, Gt, Le
 
 @dataclass(frozen=True, eq=False)
 class TeachingExamples:
-    """New training examples of a list.
-
-    Parameters
-    ----------
-    X : (n, F) float32
-        Features, with the columns of the list.
-    labels : (n,) int64
-        Index into the list's classes.
-    weights : (n,) float64
-        Above 0.
-    """
+    """New training examples of a list."""
 
     X: NDArray[np.float32]
+    """(n, F) features, with the columns of the list."""
     labels: NDArray[np.int64]
+    """(n,) index into the list's classes."""
     weights: NDArray[np.float64]
+    """(n,) above 0."""
 
     def __post_init__(self) -> None:
         n = len(self.X)
@@ -91,17 +84,8 @@ def boosted_further(
     Its earlier rounds do not change. Boosting starts from their sum, with weights proportional to
     ``w / (1 + exp(2 y F))``, where F is half of the calibrated log-odds. Further votes are divided
     by half of the calibration's slope, so that confidences are calibrated for the sum. A classifier
-    with examples of one side only does not change.
-
-    Parameters
-    ----------
-    fitted : BoostedList
-    examples : Examples
-    rounds : FurtherRounds
-
-    References
-    ----------
-    Warm starts of boosting: scikit-learn's ``warm_start``, LightGBM's ``init_model``.
+    with examples of one side only does not change. Compare scikit-learn's ``warm_start`` and
+    LightGBM's ``init_model``.
     """
     scores = fitted.scores(examples.X)
     prepared = prepare(examples.X, examples.labels)
@@ -124,14 +108,8 @@ def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> T
 
     They regularise a list towards its predictions. At its own probabilities p the weights of both
     sides of a classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``:
-    boosting learns nothing from them until other examples change the list.
-
-    Parameters
-    ----------
-    fitted : BoostedList
-    X : (n, F) float32
-    weight : float
-        Total weight of all rows.
+    boosting learns nothing from them until other examples change the list. ``weight`` is that of
+    all rows.
     """
     p = np.exp(fitted.log_histogram(X))
     n, k = p.shape
@@ -147,19 +125,7 @@ def with_first_class(
 ) -> BoostedList:
     """The list with a new class in first place; the other classifiers do not change.
 
-    Parameters
-    ----------
-    fitted : BoostedList
-    label : int or str
-        The new class, larger than all others.
-    examples : Examples
-        Labels are indices into ``fitted.classes``; the new class has the next index.
-    rounds : FurtherRounds
-
-    Raises
-    ------
-    InputError
-        The class is not larger than the others, or one side has no example.
+    The ``label`` must be larger than all others; the examples have the next index for it.
     """
     number = len(fitted.classes)
     if not (label > fitted.classes).all():

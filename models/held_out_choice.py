@@ -77,25 +77,11 @@ def choose(
     ``alone``. A C above the usual one must be more accurate by :data:`WORTH`: it gains rare labels
     at the cost of frequent ones, a gain that is less reliable on new maps.
 
-    Parameters
-    ----------
-    labels : (N,) int
-        -1 where unknown.
-    asked : (N,) bool
-        Nodes whose labels count.
-    parts : (N,) int
-        Part of each node; parts are held out together, -1 is never held out.
-    kinds : pair of sequences of str
-        Node features, the simpler ones first, and learners.
-    penalties : sequence of float
-    usual : float
-    begin : callable
-        The mask (N,) of a part, node features, a learner -> a function of C.
-    alone : (N,) int, optional
-        Labels by a classifier of single nodes.
-    steps : (N,) bool
-        Steps that are linked to cells. Both scores are means of the scores of steps and of other
-        nodes, so that the few steps of a drive weigh as much as the many cells of its map.
+    ``labels`` (N,) are -1 where unknown, ``parts`` (N,) -1 where never held out; nodes ``asked``
+    (N,) count. ``kinds`` are node features, simpler ones first, and learners; ``begin`` starts a
+    path without the nodes of a mask (N,). Both scores are means of the scores of ``steps`` (N,)
+    linked to cells and of other nodes: the few steps of a drive weigh as much as the many cells of
+    its map.
     """
     held_out = [
         parts == part

@@ -260,6 +260,9 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
     ) -> Self:
         """A new model with tables from counts; tables without new counts do not change.
 
+        ``smoothing`` is added to every count except ``stays``, so that label changes of a standing
+        robot stay impossible.
+
         Parameters
         ----------
         confusions : (K, K) float, optional
@@ -273,11 +276,6 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
 
         ``smoothing`` is added to every count except ``stays``, so that label changes of a standing
         robot stay impossible.
-
-        Raises
-        ------
-        InputError
-            A count is negative or not finite, or shapes do not fit.
 
         Examples
         --------

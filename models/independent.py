@@ -25,11 +25,6 @@ class Independent:
         """The argmax of the unary at every node; beliefs are the normalised unaries.
 
         Ties go to the label that more nodes prefer, so that the order of labels does not matter.
-
-        Raises
-        ------
-        InputError
-            The problem has no unary, or forbids every label at some node.
         """
         unary = evident_unary(problem, "independent")
         order = preference_order(unary, problem.label_names)

@@ -22,16 +22,9 @@ def best_value(
 ) -> tuple[float, NDArray[np.float64]]:
     """The best value, and (V, 2) every value with its balanced accuracy over all parts.
 
+    ``truth`` has the labels of each part, ``answers`` for each value its labels of these parts.
     Among equals the smallest wins. If no part could be held out, it is the first value, with
     accuracies of NaN.
-
-    Parameters
-    ----------
-    values : sequence of V float
-    truth : sequence of (N_part,) int
-        The true labels of each part.
-    answers : V sequences of (N_part,) int
-        The labels of these parts by each value.
 
     Examples
     --------
@@ -74,15 +67,7 @@ CLASS_WEIGHTS: dict[WeightRule, float] = {
 def node_losses(
     labels: NDArray[np.int64], label_names: Sequence[str], class_weight: ClassWeight
 ) -> NDArray[np.float64]:
-    """(N,) cost of a wrong label at each node, with mean 1.
-
-    Raises
-    ------
-    LabelError
-        A label has no example, so that nothing can be learned about it.
-    InputError
-        A weight for an unknown label.
-    """
+    """(N,) cost of a wrong label at each node, with mean 1; each label needs an example."""
     counts = np.bincount(labels, minlength=len(label_names))
     missing = [name for name, count in zip(label_names, counts, strict=True) if not count]
     if missing:
@@ -119,13 +104,7 @@ def labelled_parts(
     *,
     with_unlabelled: bool = False,
 ) -> list[Example]:
-    """Each problem with labels, without its unlabelled nodes unless ``with_unlabelled``.
-
-    Raises
-    ------
-    InputError
-        Problems and labellings do not match, or there is no label.
-    """
+    """Each problem with labels, without its unlabelled nodes unless ``with_unlabelled``."""
     known: list[Example] = []
     for problem, truth in labelled_problems(problems, labelings):
         labelled = truth >= 0

@@ -44,45 +44,31 @@ LARGE_GAP = 0.1
 
 @dataclass(frozen=True)
 class LearningRecord:
-    """Status, bounds and cost of learning.
-
-    Parameters
-    ----------
-    status : str
-        One of :data:`LEARNING_STATUSES`, as :class:`LearnedWeights` explains them.
-    penalty : float
-        C, set or chosen.
-    objective : float
-        The objective by the learner; the QP's is made feasible, hence rigorous.
-    lower_bound : float
-        No weights reach less (rigorous).
-    certified_objective : float or None
-        A rigorous upper bound of the objective, if requested.
-    iterations : float
-        Cuts, passes, or the QP solver's iterations.
-    seconds, certificate_seconds : float
-        Wall-clock time of learning and of the certificate.
-    n_nodes, n_edges, n_maps : float
-        Size of the training set.
-    learner : str or None
-        Name of the learner; None in records of earlier versions.
-    reason : str or None
-        Reason for the learner: a sentence of :data:`REASONS`.
-    """
+    """Status, bounds and cost of learning."""
 
     status: str
+    """One of :data:`LEARNING_STATUSES`, as :class:`LearnedWeights` explains them."""
     penalty: float
+    """C, set or chosen."""
     objective: float
+    """The objective by the learner; the QP's is made feasible, hence rigorous."""
     lower_bound: float
+    """No weights reach less (rigorous)."""
     certified_objective: float | None
+    """A rigorous upper bound of the objective, if requested."""
     iterations: float
+    """Cuts, passes, or the QP solver's iterations."""
     seconds: float
     certificate_seconds: float
+    """Wall-clock time of learning and of the certificate."""
     n_nodes: float
     n_edges: float
     n_maps: float
+    """Size of the training set."""
     learner: str | None = None
+    """Name of the learner; None in records of earlier versions."""
     reason: str | None = None
+    """Reason for the learner: a sentence of :data:`REASONS`."""
 
     def to_array(self) -> NDArray[np.float64]:
         """The fields in order: words as indices into the tuples of this module, None as -1."""

@@ -76,25 +76,13 @@ LOG_FLOOR = -15.0
 
 
 def parse_node_features(text: str, *, with_offset: bool = False) -> tuple[str, ...]:
-    """The parts of ``"logz+raw"``; ``offset`` is allowed for models with offsets.
-
-    Raises
-    ------
-    ConfigError
-        An unknown or repeated part.
-    """
+    """The parts of ``"logz+raw"``; ``offset`` is allowed for models with offsets."""
     known = (*NODE_FEATURES, OFFSET) if with_offset else NODE_FEATURES
     return _checked_parts("node_features", tuple(text.split("+")), known)
 
 
 def parse_edge_features(names: str | Sequence[str]) -> tuple[str, ...]:
-    """The edge features' names, from a sequence or one ``+``-joined text.
-
-    Raises
-    ------
-    ConfigError
-        An unknown or repeated name.
-    """
+    """The edge features' names, from a sequence or one ``+``-joined text."""
     parts = tuple(names.split("+")) if isinstance(names, str) else tuple(names)
     return _checked_parts("edge_features", parts, EDGE_FEATURES)
 
@@ -109,13 +97,7 @@ def _checked_parts(option: str, parts: tuple[str, ...], known: tuple[str, ...]) 
 
 
 def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.float64]:
-    """(N, D) node features before standardisation, part after part.
-
-    Raises
-    ------
-    InputError
-        A part needs a unary or node features that the problem lacks.
-    """
+    """(N, D) node features before standardisation, part after part."""
     columns: list[Any] = []
     there = {"logz": problem.unary is not None, "raw": problem.node_features is not None}
     for part in with_auto(parts, there):
@@ -189,11 +171,6 @@ def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDA
     This is 1 for columns computed here, which are at most 1, and the root mean square of the
     non-zero entries for ``given`` columns
     (:func:`~pgm_places.models.feature_scaling.column_sizes`).
-
-    Raises
-    ------
-    InputError
-        The problems differ in their number of edge features.
     """
     counts = [edge_feature_count(problem, names) for problem in problems]
     if len(set(counts)) > 1:

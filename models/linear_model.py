@@ -160,11 +160,6 @@ class LinearModel(LearnedNames):
         """The record of learning by name: status, C, learner, bounds, gap, seconds, sizes.
 
         ``held_out`` has the compared options with their scores on held-out parts.
-
-        Raises
-        ------
-        NotFittedError
-            The model is not fitted.
         """
         self._learned("node_weights")
         if self.learning is None:
@@ -204,13 +199,7 @@ class LinearModel(LearnedNames):
 
     @in_learned_order
     def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(C, K) reward per node of a clique whose nodes all have a label.
-
-        Raises
-        ------
-        InputError
-            Only one of problem and training has cliques, or their features differ.
-        """
+        """(C, K) reward per node of a clique whose nodes all have a label."""
         return learned_rewards(problem, self.clique_weights)
 
     def _learned(self, *names: str) -> list[NDArray[Any]]:

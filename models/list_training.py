@@ -35,11 +35,6 @@ def last_quarters(labels: NDArray[np.int64], n_classes: int) -> Folds:
     """The last quarter of each class's examples, in the order given, held out once.
 
     Examples of a map come row by row, so this holds out a contiguous part of each class.
-
-    Raises
-    ------
-    InputError
-        A class has fewer than two examples.
     """
     number = np.zeros(len(labels), np.int64)
     for k in range(n_classes):
@@ -57,12 +52,7 @@ def folds_of_groups(
 ) -> Folds:
     """One fold per group, or five folds of neighbouring groups if there are more.
 
-    A fold with all examples of some class is never held out.
-
-    Raises
-    ------
-    InputError
-        No fold can be held out.
+    A fold with all examples of some class is never held out; InputError if that leaves none.
     """
     names, group = np.unique(groups, return_inverse=True)
     n_folds = min(len(names), _MAX_FOLDS)
@@ -290,8 +280,8 @@ def temperature(
     """The factor s of expit(s l) by maximum likelihood, at least 0.001; decisions do not change.
 
     The derivative of the cross entropy, sum of w (expit(s l) - t) l, rises with s: its root is
-    enclosed and bisected. Targets t are smoothed as in :func:`platt`; 1 where one of the classes is
-    lacking or all log-odds are 0 (temperature scaling, Guo et al. 2017, for one classifier).
+    bisected. Targets t are smoothed as in :func:`platt`; 1 where a class is lacking or all log-odds
+    are 0 (temperature scaling, Guo et al. 2017, for one classifier).
     """
     n_positive = float(weights[positive].sum())
     n_negative = float(weights[~positive].sum())

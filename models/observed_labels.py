@@ -33,11 +33,6 @@ def observed_in_folds(
         At least 2. Parts are drawn at random from the labelled nodes with a fixed seed, so that
         targets are scattered over the graph like the known labels.
 
-    Returns
-    -------
-    problems, labelings : lists of LabelingProblem and of (N,) int
-        For ``fit``.
-
     Examples
     --------
     >>> from pgm_places.graph.label_graph import LabelGraph
@@ -75,11 +70,6 @@ def with_observed(
     labels become targets: given the labels of neighbours, learning would hardly use the features.
     Without features and unary, they are learned in folds (:func:`observed_in_folds`). Weights of
     nodes are copied.
-
-    Raises
-    ------
-    InputError
-        An observed label contradicts the labelling, or a problem's only label is observed.
     """
     examples: list[tuple[LabelingProblem, NDArray[np.int64], int]] = []
     for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):

@@ -20,18 +20,12 @@ from pgm_places.solvers.forest import forest_samples
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Sampled labellings.
-
-    Parameters
-    ----------
-    labels : (S, N) int
-        One labelling a row.
-    exact : bool
-        Whether they follow the distribution exactly.
-    """
+    """Sampled labellings."""
 
     labels: NDArray[np.int64]
+    """(S, N) one labelling a row."""
     exact: bool
+    """Whether they follow the distribution exactly."""
 
     def frequencies(self, n_labels: int) -> NDArray[np.float64]:
         """(N, K) the share of the samples in which each node has each label."""

@@ -28,18 +28,12 @@ GAP = 5.0
 
 
 class Durations(NamedTuple):
-    """Rates of leaving labels, and transitions.
-
-    Parameters
-    ----------
-    rates : (K, B) float
-        Rate per metre at which each label is left, from each of the edges on.
-    leaving : (K, K) float
-        Probability of each label (column) after each other one (row).
-    """
+    """Rates of leaving labels, and transitions."""
 
     rates: NDArray[np.float64]
+    """(K, B) rate per metre at which each label is left, from each of the edges on."""
     leaving: NDArray[np.float64]
+    """(K, K) probability of each label (column) after each other one (row)."""
 
 
 class _Stay(NamedTuple):
@@ -63,20 +57,11 @@ def learn_durations(
 ) -> Durations:
     """Occurrence-exposure rates: how often a label was left at an age, per metre at that age.
 
-    Stretches censored by the end of the drive or by unlabelled steps count up to their end. Each
-    rate is smoothed by ``smoothing`` occurrences at the label's overall rate, which is smoothed in
-    the same way by the overall rate of all labels.
-
-    Parameters
-    ----------
-    positions_m : sequence of (T, 2) float
-        Where the steps of each drive are.
-    labelings : sequence of (T,) int
-        Their labels, -1 where unknown.
-    n_labels : int
-    smoothing : float
-    weights : sequence of (T,) float, optional
-        Weight of each step; a stretch has the mean weight of its steps.
+    ``positions_m`` (T, 2), ``labelings`` (T,), -1 where unknown, and ``weights`` (T,) are those of
+    each drive; a stretch has the mean weight of its steps. Stretches censored by the end of the
+    drive or by unlabelled steps count up to their end. Each rate is smoothed by ``smoothing``
+    occurrences at the label's overall rate, which is smoothed in the same way by the overall rate
+    of all labels.
 
     Examples
     --------

@@ -50,33 +50,22 @@ class JointTables(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SortedFeatures:
-    """A quantised training matrix, its examples arranged by part.
-
-    Attributes
-    ----------
-    X : (N, F) float32
-        The matrix, read for values inside of bins.
-    rows : (N,) int64
-        The row of X at each position.
-    parts : (P + 1,) int64
-        Part p is at positions ``parts[p]`` to ``parts[p + 1]``.
-    columns : (D,) int64
-        The stored columns of X; no two order the examples identically.
-    codes : (D, N) uint8
-        The bin of every stored column at every position.
-    pure : (D, 256) bool
-        Bins that can hold one value only.
-    tables : JointTables
-        Joint tables; every stored column is an axis of one.
-    """
+    """A quantised training matrix, its examples arranged by part."""
 
     X: NDArray[np.float32]
+    """(N, F) the matrix, read for values inside of bins."""
     rows: NDArray[np.int64]
+    """(N,) the row of X at each position."""
     parts: NDArray[np.int64]
+    """(P + 1,) part p is at positions ``parts[p]`` to ``parts[p + 1]``."""
     columns: NDArray[np.int64]
+    """(D,) the stored columns of X; no two order the examples identically."""
     codes: NDArray[np.uint8] = field(repr=False)
+    """(D, N) the bin of every stored column at every position."""
     pure: NDArray[np.bool_] = field(repr=False)
+    """(D, 256) bins that can hold one value only."""
     tables: JointTables = field(repr=False)
+    """Joint tables; every stored column is an axis of one."""
     _bins: dict[tuple[int, int], tuple[NDArray[np.int32], NDArray[np.float32]]] = field(
         default_factory=dict, repr=False
     )
@@ -104,13 +93,7 @@ class SortedFeatures:
 
 
 def prepare(X: NDArray[np.float32], part: NDArray[np.int64]) -> SortedFeatures:
-    """The quantised matrix with rows sorted by ascending part, without rows of part -1.
-
-    Raises
-    ------
-    InputError
-        X is not a finite float32 matrix, or ``part`` does not match its rows.
-    """
+    """The quantised float32 matrix with rows sorted by ascending part, without rows of part -1."""
     if X.dtype != np.float32:
         raise InputError(f"X must be float32, got {X.dtype}; convert it first")
     with np.errstate(over="ignore", invalid="ignore"):

@@ -16,23 +16,15 @@ _SAMPLES_PER_TASK = 8192
 
 
 class TreeSplit(NamedTuple):
-    """A threshold test of one column by a weak classifier.
-
-    Attributes
-    ----------
-    column : int
-    threshold : float
-        Threshold, which distinguishes splits of one column.
-    cut : float32
-        ``x < cut`` means left.
-    left : int
-        +1 or -1, the output on the left; its negative on the right.
-    """
+    """A threshold test of one column by a weak classifier."""
 
     column: int
     threshold: float
+    """Threshold, which distinguishes splits of one column."""
     cut: np.float32
+    """``x < cut`` means left."""
     left: int
+    """+1 or -1, the output on the left; its negative on the right."""
 
 
 class Voters:
@@ -66,25 +58,17 @@ class Voters:
 
 @dataclass(frozen=True, eq=False)
 class StrongClassifier(Voters):
-    """F(x) = sum_t alpha_t h_t(x) with stumps h_t (x) = +1 if p_t x_j < p_t theta_t, else -1.
-
-    Attributes
-    ----------
-    feature : (T,) int64
-        The column j of each stump.
-    threshold : (T,) float64
-        theta, halfway between two neighbouring values of the training data. Between two float32
-        numbers there is always such a float64, so no training value lies on its threshold.
-    polarity : (T,) int8
-        p: +1 if small values are positive, -1 if large ones are.
-    alpha : (T,) float64
-        The weight of each stump's vote.
-    """
+    """F(x) = sum_t alpha_t h_t(x) with stumps h_t (x) = +1 if p_t x_j < p_t theta_t, else -1."""
 
     feature: NDArray[np.int64]
+    """(T,) the column j of each stump."""
     threshold: NDArray[np.float64]
+    """(T,) theta, halfway between two neighbouring values of the training data. Between two float32
+    numbers there is always such a float64, so no training value lies on its threshold."""
     polarity: NDArray[np.int8]
+    """(T,) p: +1 if small values are positive, -1 if large ones are."""
     alpha: NDArray[np.float64]
+    """(T,) the weight of each stump's vote."""
 
     def __post_init__(self) -> None:
         """Check that the arrays are consistent, and freeze them."""
@@ -135,26 +119,18 @@ class VoteTable(NamedTuple):
     """The stumps or trees of several classifiers, packed for the kernel.
 
     Trees are complete, with S splits and S + 1 leaves each; there are (T,) stumps or (T, S) splits.
-
-    Attributes
-    ----------
-    columns : (C,) int64
-        The distinct columns that the splits use.
-    plane : (T,) or (T, S) int64
-        For each split the index of its column among these.
-    cut : (T,) or (T, S) float32
-        Left is ``x < cut``.
-    value : (T,) float64 or (T, S + 1) float32
-        Contribution to F of the left of each stump, or of each leaf from left to right.
-    first : (n + 1,) int64
-        Start of the stumps or trees of each classifier.
     """
 
     columns: NDArray[np.int64]
+    """(C,) the distinct columns that the splits use."""
     plane: NDArray[np.int64]
+    """(T,) or (T, S) for each split the index of its column among these."""
     cut: NDArray[np.float32]
+    """(T,) or (T, S) left is ``x < cut``."""
     value: NDArray[Any]
+    """(T,) contribution to F of the left of each stump, or of each leaf from left to right."""
     first: NDArray[np.int64]
+    """(n + 1,) start of the stumps or trees of each classifier."""
 
     @classmethod
     def of(cls, classifiers: Sequence[Any]) -> Self:
@@ -206,23 +182,17 @@ class BoostedTrees(Voters):
     Split s has the children 2 s + 1 on the left and 2 s + 2 on the right; below the S splits lie
     the S + 1 leaves, from left to right.
 
-    Attributes
-    ----------
-    feature : (T, S) int32
-        The column of each split; -1 where a branch ends early, and all examples go left.
-    cut : (T, S) float32
-        Left is ``x < cut``; infinite where a branch ends early.
-    value : (T, S + 1) float32
-        Contribution of each leaf to F, including shrinkage.
-
     References
     ----------
     Friedman, Hastie and Tibshirani, Additive logistic regression, 2000.
     """
 
     feature: NDArray[np.int32]
+    """(T, S) the column of each split; -1 where a branch ends early, and all examples go left."""
     cut: NDArray[np.float32]
+    """(T, S) left is ``x < cut``; infinite where a branch ends early."""
     value: NDArray[np.float32]
+    """(T, S + 1) contribution of each leaf to F, including shrinkage."""
 
     def __post_init__(self) -> None:
         """Check that the arrays are consistent, and freeze them."""

@@ -89,26 +89,18 @@ class Best(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Stump:
-    """One split of the examples.
-
-    Attributes
-    ----------
-    plane : int
-        The feature's index among the stored columns.
-    low, high : float
-        The largest value on the left and the smallest on the right.
-    below, mixed : int
-        Bins under ``below`` are on the left; the split cuts bin ``mixed``, or none if that is -1.
-    score : int
-        Twice the signed mass on the left, less the total.
-    """
+    """One split of the examples."""
 
     plane: int
+    """The feature's index among the stored columns."""
     low: float
     high: float
+    """The largest value on the left and the smallest on the right."""
     below: int
     mixed: int
+    """Bins under ``below`` are on the left; the split cuts bin ``mixed``, or none if that is -1."""
     score: int
+    """Twice the signed mass on the left, less the total."""
 
     @property
     def threshold(self) -> float:

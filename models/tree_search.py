@@ -24,41 +24,27 @@ _WORTH_THREADS = 4_000_000
 
 
 class TreeExamples(NamedTuple):
-    """The examples whose histograms are filled.
-
-    Attributes
-    ----------
-    position : (n,) uint32
-        Their columns in the array of codes.
-    base : (n,) uint32
-        Start of the histogram of their node.
-    mass : (n,) int64
-        Both masses: the gradient mass, signed, times 2**32, plus the curvature mass.
-    """
+    """The examples whose histograms are filled."""
 
     position: NDArray[np.uint32]
+    """(n,) their columns in the array of codes."""
     base: NDArray[np.uint32]
+    """(n,) start of the histogram of their node."""
     mass: NDArray[np.int64]
+    """(n,) both masses: the gradient mass, signed, times 2**32, plus the curvature mass."""
 
 
 @dataclass(frozen=True, slots=True)
 class GrownTree:
-    """One tree of S splits, each level's nodes from left to right.
-
-    Attributes
-    ----------
-    feature : (S,) int32
-        Columns; -1 where a node is not split and all its examples go left.
-    cut : (S,) float32
-        Left is ``x < cut``; infinite where a node is not split.
-    gradient, curvature : (S + 1,) int64
-        The sums G and H of the leaves' masses; zero for unreachable leaves.
-    """
+    """One tree of S splits, each level's nodes from left to right."""
 
     feature: NDArray[np.int32]
+    """(S,) columns; -1 where a node is not split and all its examples go left."""
     cut: NDArray[np.float32]
+    """(S,) left is ``x < cut``; infinite where a node is not split."""
     gradient: NDArray[np.int64]
     curvature: NDArray[np.int64]
+    """(S + 1,) the sums G and H of the leaves' masses; zero for unreachable leaves."""
 
     @property
     def means(self) -> NDArray[np.float64]:
@@ -93,22 +79,11 @@ class TreeSearch:
     edges between their bins, of which there are at most 256; G and H are the sums of the gradient
     and curvature masses on both sides. For weights w and labels y = +-1, with G the sum of w y and
     H that of w, this is the split of least weighted squared error. Scores that agree to 2**-40
-    count as equal: the lowest column wins, then the lowest threshold. A node is left alone where
-    no split gains.
+    count as equal: the lowest column wins, then the lowest threshold. A node is left alone where no
+    split gains.
 
-    Parameters
-    ----------
-    prepared : SortedFeatures
-        The quantised matrix.
-    segments : (S, 3) int64
-        Rows (start, stop, is positive) of the used positions.
-    max_depth : int
-        Levels of splits.
-
-    Attributes
-    ----------
-    leaf : (positions,) uint8
-        The leaf that each example fell into in the tree grown last.
+    ``segments`` (S, 3) are rows (start, stop, is positive) of the used positions; ``leaf``
+    (positions,) is the leaf of each example in the tree grown last.
     """
 
     def __init__(

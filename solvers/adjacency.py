@@ -35,21 +35,14 @@ class Arcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Adjacency:
-    """A graph of N nodes and E edges, ready for kernels.
-
-    Parameters
-    ----------
-    n_nodes : int
-        N.
-    edges : (E, 2) int32
-        Node pairs in the order and direction of the input.
-    arcs : Arcs
-        Both directions of every edge, in compressed rows.
-    """
+    """A graph of N nodes and E edges, ready for kernels."""
 
     n_nodes: int
+    """N."""
     edges: NDArray[np.int32]
+    """(E, 2) node pairs in the order and direction of the input."""
     arcs: Arcs
+    """Both directions of every edge, in compressed rows."""
 
     @property
     def n_edges(self) -> int:
@@ -61,11 +54,6 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     """The adjacency of ``n_nodes`` nodes and ``edges`` (E, 2), in any order and direction.
 
     Parallel edges are allowed and add up.
-
-    Raises
-    ------
-    InputError
-        An edge has a node out of range, or joins a node to itself.
 
     Examples
     --------
@@ -119,13 +107,7 @@ def is_forest(around: Adjacency) -> bool:
 
 
 def rooted_forest(around: Adjacency) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Every node after its parent, and the arc to that parent.
-
-    Raises
-    ------
-    InputError
-        The graph has a cycle.
-    """
+    """Every node after its parent, and the arc to it; InputError if the graph has a cycle."""
     edge, order, parent = _closing_edge(around)
     if edge >= 0:
         i, j = around.edges[edge]

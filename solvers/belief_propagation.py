@@ -39,40 +39,29 @@ class Rule(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BeliefPropagation:
-    """Result of loopy belief propagation.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        For ``"max-product"`` decoded node after node, each given the labels of the neighbours
-        before it and the messages of the others, which on a forest is backtracking: the best
-        labelling, also where several are. For ``"sum-product"`` the most probable label of each
-        node by itself; ties are decided in that way, so that they fit together.
-    score : float
-        The labels' log-potential, without the rewards of sets.
-    beliefs : (N, K) float
-        For ``"sum-product"`` the approximate marginals, for ``"max-product"`` the normalised
-        max-marginals; rows sum to one.
-    converged : bool
-        Whether the last sweep changed no message by more than the tolerance; loopy messages need
-        not converge.
-    history : (T,) float
-        Largest change of a log-message in each sweep.
-    exact : bool
-        Whether there are no cycles and no sets: beliefs are then exact, and the labels of
-        ``"max-product"`` optimal.
-    messages : (2 E, K) float
-        Log-messages: row ``2 e`` goes from the first node of edge ``e`` to the second, row
-        ``2 e + 1`` back. A node's log-beliefs are its unary plus its incoming messages.
-    """
+    """Result of loopy belief propagation."""
 
     labels: NDArray[np.int64]
+    """(N,) for ``"max-product"`` decoded node after node, each given the labels of the neighbours
+    before it and the messages of the others, which on a forest is backtracking: the best labelling,
+    also where several are. For ``"sum-product"`` the most probable label of each node by itself;
+    ties are decided in that way, so that they fit together."""
     score: float
+    """The labels' log-potential, without the rewards of sets."""
     beliefs: NDArray[np.float64]
+    """(N, K) for ``"sum-product"`` the approximate marginals, for ``"max-product"`` the normalised
+    max-marginals; rows sum to one."""
     converged: bool
+    """Whether the last sweep changed no message by more than the tolerance; loopy messages need not
+    converge."""
     history: NDArray[np.float64]
+    """(T,) largest change of a log-message in each sweep."""
     exact: bool
+    """Whether there are no cycles and no sets: beliefs are then exact, and the labels of
+    ``"max-product"`` optimal."""
     messages: NDArray[np.float64]
+    """(2 E, K) log-messages: row ``2 e`` goes from the first node of edge ``e`` to the second, row
+    ``2 e + 1`` back. A node's log-beliefs are its unary plus its incoming messages."""
 
 
 def belief_propagation(
@@ -111,11 +100,6 @@ def belief_propagation(
         Sweeps after which to stop, up and down through the node order in turn.
     on_iteration : callable, optional
         Called after each sweep with its number and the largest change.
-
-    Raises
-    ------
-    InputError
-        The messages prove that no labelling is allowed.
 
     Examples
     --------

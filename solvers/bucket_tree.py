@@ -27,22 +27,15 @@ _MOST_AXES = 30
 
 @dataclass(frozen=True, eq=False)
 class BucketOrder:
-    """An elimination order of the nodes.
-
-    Parameters
-    ----------
-    order : (N,) int
-        The nodes.
-    scopes : tuple of N tuples of int
-        Position of each node in that order, then the positions of its remaining neighbours,
-        ascending.
-    n_entries : int
-        Entries of the tables over these scopes.
-    """
+    """An elimination order of the nodes."""
 
     order: NDArray[np.int64]
+    """(N,) the nodes."""
     scopes: tuple[tuple[int, ...], ...]
+    """Position of each node in that order, then the positions of its remaining neighbours,
+    ascending."""
     n_entries: int
+    """Entries of the tables over these scopes."""
 
     @property
     def width(self) -> int:
@@ -56,16 +49,8 @@ def bucket_order(
     """An elimination order with small tables, by the minimum-weight rule; None if too large.
 
     The node that leaves the smallest table is eliminated next. With equal numbers of labels this is
-    the minimum-degree rule.
-
-    Parameters
-    ----------
-    sizes : sequence of N int
-        The number of labels of each node.
-    sets : iterable of sequences of int
-        The nodes of each edge, or of each factor of any order.
-    most_entries : int
-        Limit of the entries of all tables together.
+    the minimum-degree rule. ``sizes`` are the labels of each node, ``sets`` the nodes of each edge
+    or factor; ``most_entries`` limits the entries of all tables together.
 
     Examples
     --------
@@ -120,35 +105,19 @@ class Factor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BucketMarginals:
-    """The exact distribution ``p ~ exp(score)``.
-
-    Parameters
-    ----------
-    beliefs : tuple of N arrays (K,)
-        Probability of each label, node by node.
-    joints : tuple of arrays
-        Probability of the labels of each requested set of nodes, one axis per node.
-    log_partition : float
-        The logarithm of the sum of ``exp(score)`` over all labellings.
-    """
+    """The exact distribution ``p ~ exp(score)``."""
 
     beliefs: tuple[Array, ...]
+    """Probability of each label, node by node."""
     joints: tuple[Array, ...]
+    """Probability of the labels of each requested set of nodes, one axis per node."""
     log_partition: float
+    """The logarithm of the sum of ``exp(score)`` over all labellings."""
 
 
 @dataclass(frozen=True, eq=False)
 class BucketTree:
     """A model's nodes in elimination order, with the table (bucket) of each.
-
-    Parameters
-    ----------
-    order : BucketOrder
-        The nodes, and the scope of each table.
-    tables : tuple of N arrays
-        The factors of each node with later nodes; one axis per node of its scope.
-    offset : float
-        Constant added to the score of every labelling.
 
     Notes
     -----
@@ -169,8 +138,11 @@ class BucketTree:
     """
 
     order: BucketOrder
+    """The nodes, and the scope of each table."""
     tables: tuple[Array, ...]
+    """The factors of each node with later nodes; one axis per node of its scope."""
     offset: float = 0.0
+    """Constant added to the score of every labelling."""
 
     @classmethod
     def of(cls, model: PairwiseModel, *, most_entries: int = MOST_ENTRIES) -> "BucketTree | None":
@@ -197,11 +169,6 @@ class BucketTree:
 
         A max-marginal is the score of the best labelling in which the node has the label; -inf
         where there is none.
-
-        Raises
-        ------
-        InfeasibleError
-            No labelling is allowed.
         """
         beliefs, messages = self._collected(unary, _maximum)
         labels = self._traced(beliefs, lambda values: values.argmax(axis=0), 1)[0]
@@ -213,13 +180,7 @@ class BucketTree:
     def marginals(
         self, unary: Sequence[Array] | Array, sets: Sequence[tuple[int, ...]] = ()
     ) -> BucketMarginals:
-        """Marginals of each node, and joint marginals of ``sets``: edges, or scopes of factors.
-
-        Raises
-        ------
-        InfeasibleError
-            No labelling is allowed.
-        """
+        """Marginals of each node, and joint marginals of ``sets``: edges, or scopes of factors."""
         beliefs, messages = self._collected(unary, _log_sum)
         log_partition = self._distributed(beliefs, messages, _log_sum)
         for table in beliefs:
@@ -239,13 +200,7 @@ class BucketTree:
     def samples(
         self, unary: Sequence[Array] | Array, n_samples: int, rng: np.random.Generator
     ) -> NDArray[np.int64]:
-        """(S, N) labellings drawn from ``p ~ exp(score)``, independent of each other.
-
-        Raises
-        ------
-        InfeasibleError
-            No labelling is allowed.
-        """
+        """(S, N) labellings drawn from ``p ~ exp(score)``, independent of each other."""
         beliefs, _ = self._collected(unary, _log_sum)
         for scope, table in zip(self.order.scopes, beliefs, strict=True):
             if len(scope) == 1 and table.max() == -np.inf:

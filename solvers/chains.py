@@ -111,13 +111,7 @@ def exceeds_floats(
 ) -> bool:
     """Whether filtered beliefs (T, K) may have lost a label to underflow that later steps need.
 
-    Parameters
-    ----------
-    chain : Chain
-    beliefs : (T, K) float
-        Filtered without logarithms.
-    impossible : (T,) bool
-        Steps whose observation was skipped.
+    ``impossible`` (T,) marks steps whose observation was skipped.
     """
     if chain.transition_t.min(initial=1.0) >= LEAST_ARRIVAL:
         return False
@@ -144,18 +138,7 @@ def exceeds_floats(
 def beliefs_in_logs(
     chain: Chain, beliefs: NDArray[np.float64], impossible: NDArray[np.bool_], *, smooth: bool
 ) -> float:
-    """Write filtered or smoothed beliefs (T, K) and which steps are impossible; the log-evidence.
-
-    Parameters
-    ----------
-    chain : Chain
-    beliefs : (T, K) float
-        Written.
-    impossible : (T,) bool
-        Written.
-    smooth : bool
-        Whether later observations count too.
-    """
+    """Write filtered or smoothed beliefs (T, K) and impossible steps (T,); the log-evidence."""
     with np.errstate(divide="ignore"):
         start, transition_t = np.log(chain.start), np.log(chain.transition_t)
     scaled, best = np.empty(beliefs.shape), np.empty(len(beliefs))

@@ -18,12 +18,7 @@ LOWEST = np.iinfo(np.int64).min
 def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     """(8, L, L) ordered neighbour pairs: ``counts[d, l, m]`` cells ``l`` whose neighbour is ``m``.
 
-    Parameters
-    ----------
-    labels : (H, W) int
-        Label of each cell, negative where it is unknown; such cells form no pairs.
-    n_labels : int
-        L, at most 32 767.
+    Cells (H, W) of negative label are unknown and form no pairs.
 
     Examples
     --------
@@ -44,14 +39,7 @@ def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
 def edge_pair_counts(labels: ArrayLike, edges: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     """(2, L, L) ordered pairs: [0] first node here and second there, [1] the other way round.
 
-    Parameters
-    ----------
-    labels : (N,) int
-        Label of each node, negative where it is unknown; such nodes form no pairs.
-    edges : (E, 2) int
-        Node pairs.
-    n_labels : int
-        L.
+    Nodes (N,) of negative label are unknown and form no pairs.
     """
     chosen = np.asarray(labels)
     integer_array("labels", chosen, ("N",), low=LOWEST, high=n_labels)
@@ -72,15 +60,9 @@ def yamamoto_coefficients(counts: ArrayLike, *, smoothing: float = 0.0) -> NDArr
         r = p(l|m) / p(l) - 1                   otherwise
 
     0 is independence, 1 "always", -1 "never". A label that never occurs here or there, or that is
-    the only one, carries no information: its coefficients are 0.
-
-    Parameters
-    ----------
-    counts : (..., L, L) float
-        Ordered pairs (label here, label there), at least 0.
-    smoothing : float
-        Added to every pair of labels that both occur. Without it two labels that never touched in
-        training exclude each other for good.
+    the only one, carries no information: its coefficients are 0. ``smoothing`` is added to every
+    pair of labels that both occur: without it two labels that never touched in training exclude
+    each other.
 
     Examples
     --------

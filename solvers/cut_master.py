@@ -44,14 +44,8 @@ class MasterPoint:
 class CutMaster:
     """Cuts and their multipliers, solved again after every new cut from where they were.
 
-    A primal active-set method on the dual: exact, in some ten pivots a cut.
-
-    Parameters
-    ----------
-    n_weights, n_free : int
-        Length of the weight vector and how many of its first entries may be negative.
-    penalty : float
-        C.
+    A primal active-set method on the dual: exact, in some ten pivots a cut. The first ``n_free`` of
+    the ``n_weights`` weights may be negative.
     """
 
     def __init__(self, n_weights: int, n_free: int, penalty: float) -> None:

@@ -59,40 +59,24 @@ def cutting_plane(
     ----------
     problem : MaxMarginProblem or TableMarginProblem
     oracle : callable
-        A labelling of large score for some potentials; exact for two labels with a minimum cut.
-        The lower bound holds for any oracle, the objective only for one that finds the maximum.
-    tolerance : float
-        Stop when (objective - lower bound) / objective is at most this.
-    max_iterations : int
-        Maximum number of calls of the oracle.
-    time_limit_s : float, optional
-        Wall-clock seconds; the best weights so far are returned.
+        A labelling of large score for some potentials. The lower bound holds for any oracle, the
+        objective only for one that finds the maximum.
     cuts : sequence of Cut
         Planes known from an earlier run on the same nodes and losses (any penalty).
     start : (n_weights,) float, optional
-        Weights to begin at, such as those learned from other nodes: the first plane is taken there,
-        and the next ones between them and the minimiser of the planes so far.
+        Weights to begin at: the first plane is taken there, and the next ones between them and the
+        minimiser of the planes so far.
     thorough : callable, optional
         A slower oracle that misses less: it takes over when the gap has closed with ``oracle``.
     verifier : callable, optional
-        Called when the oracle's gap has closed, for instance :func:`pgm_places.solvers.max_oracle.\
-certify_weights`. Learning continues with its labelling until the gap between its
-        rigorous objective and the lower bound is at most ``verified_tolerance``, or it finds no
-        new labelling.
-    verified_tolerance : float
-        See ``verifier``.
+        Called when the oracle's gap has closed, such as ``certify_weights``. Learning continues
+        with its labelling until the gap between its rigorous objective and the lower bound is at
+        most ``verified_tolerance``, or it finds no new labelling.
     exact : bool
         Whether the oracle always finds the maximum, as a graph cut with two labels does: the
         objective is then rigorous.
     on_iteration : callable, optional
         Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
-
-    Returns
-    -------
-    LearnedWeights
-        After the gap has closed, ``status`` is ``optimal``, ``within_tolerance`` or
-        ``oracle_limit``, as far as it is proved. Before that it is ``stalled``,
-        ``iteration_limit``, ``time_limit`` or ``stopped``.
 
     Examples
     --------

@@ -28,7 +28,7 @@ def dual_bound(
     Parameters
     ----------
     unary, edges, agreement, pairwise
-        The problem, see :func:`pgm_places.solvers.pairwise.pairwise_model`.
+        See :func:`pgm_places.solvers.pairwise.pairwise_model`.
     duals : (2 E, K) float
         Message of each edge to its nodes: row ``2 e`` to the second, row ``2 e + 1`` to the first.
         -inf rules the label out at that node; the bound then holds for labellings without it.

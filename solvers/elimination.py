@@ -23,22 +23,15 @@ class _Alive(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A problem without the decided nodes, with the same optimal labellings.
-
-    Parameters
-    ----------
-    model : PairwiseModel
-        The problem on the remaining nodes. Labels that were ruled out are forbidden; potentials
-        with decided neighbours are part of the unaries, scores of decided nodes of the offset.
-    nodes : (M,) int
-        The remaining nodes, in order.
-    labels : (N,) int32
-        The label of each decided node, the first possible one elsewhere.
-    """
+    """A problem without the decided nodes, with the same optimal labellings."""
 
     model: PairwiseModel
+    """The problem on the remaining nodes. Labels that were ruled out are forbidden; potentials with
+    decided neighbours are part of the unaries, scores of decided nodes of the offset."""
     nodes: NDArray[np.int64]
+    """(M,) the remaining nodes, in order."""
     labels: NDArray[np.int32]
+    """(N,) the label of each decided node, the first possible one elsewhere."""
 
     def lift(self, labels: NDArray[np.integer]) -> NDArray[np.int32]:
         """A labelling (M,) of the remaining nodes extended to all nodes (N,)."""

@@ -20,28 +20,19 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """A labelling that no expansion move can improve, or the best so far.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        Label index per node.
-    score : float
-        Its log-potential.
-    n_sweeps, n_moves : int
-        Rounds over all labels (the last may be incomplete), and cuts.
-    converged : bool
-        Whether no label improves the final labelling.
-    exact : bool
-        Whether the labelling is optimal: with one or two labels, or without edges.
-    """
+    """A labelling that no expansion move can improve, or the best so far."""
 
     labels: NDArray[np.int64]
+    """(N,) label index per node."""
     score: float
+    """Its log-potential."""
     n_sweeps: int
     n_moves: int
+    """Rounds over all labels (the last may be incomplete), and cuts."""
     converged: bool
+    """Whether no label improves the final labelling."""
     exact: bool
+    """Whether the labelling is optimal: with one or two labels, or without edges."""
 
 
 def alpha_expansion(
@@ -131,13 +122,7 @@ class _Cut(NamedTuple):
 
 
 class MoveSpace:
-    """Working arrays of the moves on one graph.
-
-    Parameters
-    ----------
-    around : Adjacency
-        The graph.
-    """
+    """Working arrays of the moves on one graph."""
 
     def __init__(self, around: Adjacency) -> None:
         n_nodes, n_edges = around.n_nodes, around.n_edges

@@ -34,20 +34,10 @@ LEAST_AGREEMENT = -1.0
 def forest_sums(
     model: PairwiseModel, order: NDArray[np.uint32], parent: NDArray[np.uint32]
 ) -> "ForestSums":
-    """The sums over the labellings of a model without cycles.
+    """The sums over the labellings of a model without cycles; InfeasibleError if none is allowed.
 
-    Parameters
-    ----------
-    model : PairwiseModel
-    order : (N,) int
-        Its nodes, each after its parent.
-    parent : (N,) int
-        The arc from each node to its parent.
-
-    Raises
-    ------
-    InputError
-        No labelling is allowed.
+    ``order`` (N,) has each node after its parent, ``parent`` (N,) the arc from each node to its
+    parent.
     """
     inner, shares = np.empty(model.unary.shape), np.empty(model.n_nodes)
     deepest = subtract_peaks(model.unary, inner, shares)
@@ -189,48 +179,32 @@ def _gain(model: PairwiseModel, unary_range: float) -> NDArray[np.float64] | Non
 
 @dataclass(frozen=True, eq=False)
 class ForestDecoding:
-    """The optimal labelling of a forest.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        Label index per node.
-    score : float
-        Its log-potential.
-    """
+    """The optimal labelling of a forest."""
 
     labels: NDArray[np.int64]
+    """(N,) label index per node."""
     score: float
+    """Its log-potential."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForestMarginals:
-    """The exact distribution, node by node.
-
-    Parameters
-    ----------
-    beliefs : (N, K) float
-        Probability of each label; rows sum to one.
-    log_partition : float
-        ``log Z``, the logarithm of the sum of ``exp(score)`` over all labellings.
-    pair_beliefs : (E, K, K) float or None
-        Probability of each pair of labels at an edge's first and second node, if requested.
-    """
+    """The exact distribution, node by node."""
 
     beliefs: NDArray[np.float64]
+    """(N, K) probability of each label; rows sum to one."""
     log_partition: float
+    """``log Z``, the logarithm of the sum of ``exp(score)`` over all labellings."""
     pair_beliefs: NDArray[np.float64] | None = None
+    """(E, K, K) probability of each pair of labels at an edge's first and second node, if
+    requested."""
 
 
 def forest_maximum(model: PairwiseModel) -> ForestDecoding:
     """The best labelling of a graph without cycles, exactly; Viterbi's algorithm on a chain.
 
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`, on a graph without
-        a cycle. Tables cost O(K^2) a node, or O(K) for truncated linear or truncated quadratic
-        distances of labels.
+    Tables cost O(K^2) a node, or O(K) for truncated linear or truncated quadratic distances of
+    labels.
 
     Raises
     ------
@@ -259,8 +233,7 @@ def forest_maximum(model: PairwiseModel) -> ForestDecoding:
 def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarginals:
     """The exact marginals and partition function; forward-backward on a chain.
 
-    Parameters and errors are those of :func:`forest_maximum`; ``pairs`` requests the marginals of
-    edges as well.
+    Errors are those of :func:`forest_maximum`; ``pairs`` requests the marginals of edges as well.
 
     Examples
     --------
@@ -278,8 +251,6 @@ def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarg
 
 def forest_samples(model: PairwiseModel, *, n_samples: int, seed: int = 0) -> NDArray[np.int64]:
     """(S, N) labellings drawn from ``p ~ exp(score)``; forward filtering, backward sampling.
-
-    Parameters and errors are those of :func:`forest_maximum`.
 
     Examples
     --------
@@ -301,8 +272,6 @@ def forest_samples(model: PairwiseModel, *, n_samples: int, seed: int = 0) -> ND
 
 def max_marginals(model: PairwiseModel) -> NDArray[np.float64]:
     """(N, K) the largest score of a labelling in which the node has the label; -inf for none.
-
-    Parameters and errors are those of :func:`pgm_places.solvers.forest.forest_maximum`.
 
     Examples
     --------

@@ -49,52 +49,33 @@ class _Steps(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ChainBeliefs:
-    """Beliefs along a chain.
-
-    Parameters
-    ----------
-    beliefs : (T, K) float
-        Probability of each label at each step.
-    log_evidence : float
-        Log-probability of all observations (up to the constants of the likelihoods); ``-inf`` if
-        any is impossible.
-    impossible : (M,) int
-        Steps whose observation has probability 0 given the earlier ones.
-    """
+    """Beliefs along a chain."""
 
     beliefs: NDArray[np.float64]
+    """(T, K) probability of each label at each step."""
     log_evidence: float
+    """Log-probability of all observations (up to the constants of the likelihoods); ``-inf`` if any
+    is impossible."""
     impossible: NDArray[np.int64]
+    """(M,) steps whose observation has probability 0 given the earlier ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChainPath:
-    """The most probable labels along a chain.
-
-    Parameters
-    ----------
-    labels : (T,) int
-        Label index per step.
-    log_probability : float
-        Joint log-probability of labels and observations, without impossible observations.
-    impossible : (M,) int
-        Steps whose observation has probability 0 on every path.
-    """
+    """The most probable labels along a chain."""
 
     labels: NDArray[np.int64]
+    """(T,) label index per step."""
     log_probability: float
+    """Joint log-probability of labels and observations, without impossible observations."""
     impossible: NDArray[np.int64]
+    """(M,) steps whose observation has probability 0 on every path."""
 
 
 def filtered_beliefs(chain: Chain) -> ChainBeliefs:
     """Beliefs from the observations up to each step (paper eq. 3).
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m, u_{t-1}) Bel(m_{t-1})``
-
-    Parameters
-    ----------
-    chain : Chain
-        From :func:`~pgm_places.solvers.chains.markov_chain`.
 
     Examples
     --------
@@ -156,13 +137,7 @@ def viterbi(chain: Chain) -> ChainPath:
 
 
 class ForwardFilter:
-    """A chain filtered step by step, its tables checked once for all steps.
-
-    Parameters
-    ----------
-    initial, transition
-        As in :func:`~pgm_places.solvers.chains.markov_chain`.
-    """
+    """A chain filtered step by step, its tables checked once for all steps."""
 
     def __init__(self, initial: ArrayLike, transition: ArrayLike) -> None:
         n_labels = len(np.asarray(initial))
@@ -182,12 +157,6 @@ class ForwardFilter:
             stays at 0 until a transition leads back to it.
         action : int
             Transition table of this step, from 0 to A - 1.
-
-        Raises
-        ------
-        InputError
-            An array has the wrong shape, the likelihood is NaN or +inf, the belief does not sum
-            to 1, or ``action`` is out of range.
         """
         table = integer_array("action", [action], (1,), low=0, high=len(self._transition_t))
         rows = np.ascontiguousarray(number_array("log_likelihood", log_likelihood)[None])

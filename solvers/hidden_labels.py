@@ -36,22 +36,15 @@ Complete = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.int64]]
 
 @dataclass(frozen=True, eq=False)
 class HiddenLabels:
-    """Learned weights and the completed labels.
-
-    Parameters
-    ----------
-    solution : LearnedWeights
-        Of the last completion; its status is ``local_optimum`` after convergence, and
-        its lower bound 0: another completion may be better.
-    labels : (N,) int
-        The known labels, and the completion of the others.
-    objectives : tuple of float
-        f after each round; no entry is larger than the one before it.
-    """
+    """Learned weights and the completed labels."""
 
     solution: LearnedWeights
+    """Of the last completion; its status is ``local_optimum`` after convergence, and its lower
+    bound 0: another completion may be better."""
     labels: NDArray[np.int64]
+    """(N,) the known labels, and the completion of the others."""
     objectives: tuple[float, ...]
+    """f after each round; no entry is larger than the one before it."""
 
 
 def concave_convex(
@@ -64,17 +57,10 @@ def concave_convex(
 ) -> HiddenLabels:
     """Weights and a completion of the labels, neither of which can be improved alone.
 
-    Parameters
-    ----------
-    problem : MaxMarginProblem or TableMarginProblem
-        With an initial completion; its loss is 0 at nodes of unknown label.
-    starts : sequence of (N,) int
-        Initial completions; after one round the one of least f is continued.
-    solve : callable
-        (problem, cuts) -> the solution for a completion; the cuts are valid for it.
-    complete : callable
-        (weights, labels) -> the best completion it can find, from the current ``labels``.
-    max_rounds : int
+    ``problem`` has an initial completion, or ``starts`` are some, of which the one of least f after
+    one round is continued; its loss is 0 at nodes of unknown label. ``solve`` maps a problem and
+    cuts that are valid for it to a solution, ``complete`` weights and the current labels to the
+    best completion that it can find.
 
     Examples
     --------

@@ -135,16 +135,12 @@ def maximize_likelihood(
 
     Parameters
     ----------
-    field : TableField
-    labels : (N,) int
-        The true label of each node, -1 where it is unknown.
+    field, labels, kind, node_weight
+        As of :func:`negative_log_likelihood`.
     penalty : float
         C.
-    kind : {"likelihood", "pseudo-likelihood", "piecewise"}
     start : (n_weights,) float, optional
         Initial weights, 0 by default.
-    node_weight : (N,) float, optional
-        Relative weight of each node.
     observed : (N,) int, optional
         Observed labels, -1 elsewhere: the likelihood of the other labels is conditioned on them.
     tolerance : float
@@ -159,8 +155,7 @@ def maximize_likelihood(
     Raises
     ------
     InputError
-        No node of a weight above 0 has a label, or ``likelihood`` on a graph with a cycle or with
-        different weights in one connected part.
+        No node of a weight above 0 has a label, or as of :func:`negative_log_likelihood`.
 
     Examples
     --------

@@ -22,24 +22,16 @@ MAX_FAILURES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class LocalSearch:
-    """A labelling that no change of a single node can improve, or the last one.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        Label index per node.
-    score : float
-        Its log-potential.
-    converged : bool
-        Whether the last pass changed nothing.
-    history : (T,) int
-        Number of nodes that changed in each pass.
-    """
+    """A labelling that no change of a single node can improve, or the last one."""
 
     labels: NDArray[np.int64]
+    """(N,) label index per node."""
     score: float
+    """Its log-potential."""
     converged: bool
+    """Whether the last pass changed nothing."""
     history: NDArray[np.int64]
+    """(T,) number of nodes that changed in each pass."""
 
 
 def iterated_conditional_modes(
@@ -51,18 +43,9 @@ def iterated_conditional_modes(
 ) -> LocalSearch:
     """A labelling that no change of one node improves, by passes over the nodes in index order.
 
-    The score never falls. Fast but weak: a wrong label of a large region stays.
-
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
-    initial : (N,) int, optional
-        Labelling to start from; the best unaries by default.
-    max_iterations : int
-        Passes after which to stop.
-    on_iteration : callable, optional
-        Called after each pass with its number and the number of changed nodes.
+    The score never falls. Fast but weak: a wrong label of a large region stays. It starts from
+    ``initial`` (N,), by default the best unaries; ``on_iteration`` gets the number of each pass and
+    its changed nodes.
 
     Notes
     -----
@@ -124,21 +107,7 @@ def allowed_labels(
 
     A depth-first search in index order that prefers ``labels`` and, after every decision, rules out
     labels without support at a neighbour (maintaining arc consistency): exact on forests, complete
-    up to ``max_failures`` dead ends elsewhere.
-
-    Parameters
-    ----------
-    model : PairwiseModel
-        Tables with -inf for pairs of labels that are forbidden.
-    labels : (N,) int
-        The labelling to stay near.
-    max_failures : int
-        Dead ends after which to give up.
-
-    Raises
-    ------
-    InputError
-        The search has proved that no labelling is allowed.
+    up to ``max_failures`` dead ends elsewhere. InfeasibleError if no labelling is allowed.
 
     Notes
     -----

@@ -61,39 +61,27 @@ OnStep = Callable[[LearningStep], bool | None]
 
 @dataclass(frozen=True, eq=False)
 class LearnedWeights:
-    """Learned weights with their objective and lower bound.
-
-    Parameters
-    ----------
-    weights : (n_weights,) float
-        Flat: node weights (D, K), then edge weights (F, K), both row by row.
-    objective : float
-        f(weights). The QP's is the repaired, rigorously feasible value of the relaxation, an
-        upper bound of f; the other learners evaluate H with their oracle, which may miss a
-        better labelling: certify them. Never below ``lower_bound``, which f is not either.
-    lower_bound : float
-        No weights reach less than this (rigorous).
-    status : str
-        What is proved: a word of :data:`REACHED`, or why learning ended earlier:
-        ``iteration_limit``, ``time_limit``, ``stopped`` (by ``on_iteration``),
-        ``stalled`` (the oracle finds nothing better, and the gap is open), ``inaccurate`` (the QP's
-        solver ended with an open gap) or ``local_optimum`` (some labels are unknown).
-    iterations : int
-    history : tuple of LearningStep
-    cuts : tuple of Cut
-        Cuts that are valid for the same nodes and losses at any penalty; a warm start.
-    certified : float or None
-        A rigorous upper bound of the objective at ``weights``, where the learner has one.
-    """
+    """Learned weights with their objective and lower bound."""
 
     weights: NDArray[np.float64]
+    """(n_weights,) flat: node weights (D, K), then edge weights (F, K), both row by row."""
     objective: float
+    """f(weights). The QP's is the repaired, rigorously feasible value of the relaxation, an upper
+    bound of f; the other learners evaluate H with their oracle, which may miss a better labelling:
+    certify them. Never below ``lower_bound``, which f is not either."""
     lower_bound: float
+    """No weights reach less than this (rigorous)."""
     status: str
+    """What is proved: a word of :data:`REACHED`, or why learning ended earlier:
+    ``iteration_limit``, ``time_limit``, ``stopped`` (by ``on_iteration``), ``stalled`` (the oracle
+    finds nothing better, and the gap is open), ``inaccurate`` (the QP's solver ended with an open
+    gap) or ``local_optimum`` (some labels are unknown)."""
     iterations: int
     history: tuple[LearningStep, ...] = ()
     cuts: tuple[Cut, ...] = ()
+    """Cuts that are valid for the same nodes and losses at any penalty; a warm start."""
     certified: float | None = None
+    """A rigorous upper bound of the objective at ``weights``, where the learner has one."""
 
     @property
     def gap(self) -> float:

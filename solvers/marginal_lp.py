@@ -23,31 +23,22 @@ _INTEGRAL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class LPDecoding:
-    """A labelling with the relaxation's bound.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        The label with the largest marginal at each node, improved by local search where marginals
-        are fractional.
-    score : float
-        Their log-potential.
-    bound : float
-        The relaxation's value: no labelling scores more.
-    integral : bool
-        Whether all node marginals are 0 or 1; then ``labels`` is optimal.
-    node_marginals : (N, K) float
-        The relaxation's solution; rows sum to one.
-    duals : (2 E, K) float
-        The dual variables that give the bound (:func:`pgm_places.solvers.duals.dual_bound`).
-    """
+    """A labelling with the relaxation's bound."""
 
     labels: NDArray[np.int64]
+    """(N,) the label with the largest marginal at each node, improved by local search where
+    marginals are fractional."""
     score: float
+    """Their log-potential."""
     bound: float
+    """The relaxation's value: no labelling scores more."""
     integral: bool
+    """Whether all node marginals are 0 or 1; then ``labels`` is optimal."""
     node_marginals: NDArray[np.float64]
+    """(N, K) the relaxation's solution; rows sum to one."""
     duals: NDArray[np.float64]
+    """(2 E, K) the dual variables that give the bound
+    (:func:`pgm_places.solvers.duals.dual_bound`)."""
 
 
 def solve_marginal_lp(model: PairwiseModel, *, eliminate: bool = True) -> LPDecoding:
@@ -56,13 +47,6 @@ def solve_marginal_lp(model: PairwiseModel, *, eliminate: bool = True) -> LPDeco
     For ``agreement >= 0`` one variable per edge and label, ``y_ij^k <= y_i^k`` and
     ``y_ij^k <= y_j^k``; else the local polytope, whose edge marginals sum to their nodes'. Two
     labels with associative potentials, and forests, always come out integral.
-
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
-    eliminate : bool
-        Rule out labels that cannot be best first, which keeps the bound valid and may tighten it.
 
     Raises
     ------

@@ -33,20 +33,14 @@ class CutSpace(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MinimumCut:
-    """A minimum cut between source and sink.
-
-    Parameters
-    ----------
-    value : float
-        The sum of the capacities that lead from the source's side to the sink's, which is also the
-        largest flow.
-    source_side : (N,) bool
-        Nodes on the source's side: all nodes that the source reaches in the residual graph of a
-        maximum flow. This is the minimum cut with the smallest source side.
-    """
+    """A minimum cut between source and sink."""
 
     value: float
+    """The sum of the capacities that lead from the source's side to the sink's, which is also the
+    largest flow."""
     source_side: NDArray[np.bool_]
+    """(N,) nodes on the source's side: all nodes that the source reaches in the residual graph of a
+    maximum flow. This is the minimum cut with the smallest source side."""
 
 
 def minimum_cut(

@@ -140,47 +140,32 @@ class MarginProblem(ABC):
 
 @dataclass(frozen=True, eq=False)
 class MaxMarginProblem(MarginProblem):
-    """One training map, or several as blocks.
-
-    Parameters
-    ----------
-    node_features : (N, D) float
-        Dense or sparse.
-    edges : (E, 2) int
-        Node pairs, each once.
-    edge_features : (E, F) float
-        At least 0, so that non-negative weights give non-negative rewards for agreement.
-    labels : (N,) int
-        The true label of every node.
-    n_labels : int
-        K.
-    loss : (N,) float
-        l, what a wrong label costs at each node; ones are the Hamming loss.
-    penalty : float
-        C > 0, the price of the mean hinge against the size of the weights.
-    sets : SetTerms, optional
-        Sets of nodes that want to have one label, and their features.
-    observed : (N,) int, optional
-        Observed labels, -1 elsewhere: the true labelling competes only with labellings that agree
-        with them.
-    costs : (K, K) float, optional
-        What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all pairs by
-        default, the (weighted) Hamming loss.
-    offset : (N, K) float, optional
-        Fixed scores that are added to the learned unaries.
-    """
+    """One training map, or several as blocks."""
 
     node_features: NDArray[np.float64]
+    """(N, D) dense or sparse."""
     edges: NDArray[np.int32]
+    """(E, 2) node pairs, each once."""
     edge_features: NDArray[np.float64]
+    """(E, F) at least 0, so that non-negative weights give non-negative rewards for agreement."""
     labels: NDArray[np.int64]
+    """(N,) the true label of every node."""
     n_labels: int
+    """K."""
     loss: NDArray[np.float64]
+    """(N,) l, what a wrong label costs at each node; ones are the Hamming loss."""
     penalty: float
+    """C > 0, the price of the mean hinge against the size of the weights."""
     sets: SetTerms | None = None
+    """Sets of nodes that want to have one label, and their features."""
     observed: NDArray[np.int64] | None = None
+    """(N,) observed labels, -1 elsewhere: the true labelling competes only with labellings that
+    agree with them."""
     costs: NDArray[np.float64] | None = None
+    """(K, K) what label ``j`` costs where ``i`` is true, times the node's loss; 1 for all pairs by
+    default, the (weighted) Hamming loss."""
     offset: NDArray[np.float64] | None = None
+    """(N, K) fixed scores that are added to the learned unaries."""
 
     def __post_init__(self) -> None:
         nodes = feature_rows("node_features", self.node_features, "N")
@@ -330,13 +315,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
 
 
 def checked_costs(costs: ArrayLike, n_labels: int) -> NDArray[np.float64]:
-    """Checked costs (K, K) of predicting the label of a column where the label of the row is true.
-
-    Raises
-    ------
-    InputError
-        Another shape, numbers below 0 or not finite, a diagonal that is not 0, or only zeros.
-    """
+    """Costs (K, K) of predicting the column's label where the row's is true, checked."""
     found = finite_array("the costs of confusing labels", costs, (n_labels, n_labels))
     if found.min() < 0 or np.diag(found).any() or not found.any():
         raise InputError(

@@ -80,24 +80,13 @@ def max_margin_qp(
         s.t. a_i - sum_(j: ij) (dual of i in ij) >= w_n[:, k] . x_i + l_i [k != t_i]
              -S/2 <= b <= S/2,   w_e >= 0 .
 
-    The solver's answer is made feasible: w_e and b are clipped to their bounds and a is
-    recomputed, so that a feasible point attains ``objective``; ``lower_bound`` is computed from
-    the solver's node marginals, also made feasible.
+    The solver's answer is made feasible: w_e and b are clipped to their bounds and a is recomputed,
+    so that a feasible point attains ``objective``; ``lower_bound`` is computed from the solver's
+    node marginals, also made feasible.
 
-    Parameters
-    ----------
-    solver : {"osqp", "clarabel"}
-        Tried first; if it fails, the other one is tried. OSQP runs without its own scaling, on the
-        objective multiplied by N/C; otherwise it does not converge on maps.
-    tolerance : float
-        Passed to the solver.
-    time_limit_s : float, optional
-        Wall-clock seconds after which the best weights so far are returned, with status
-        ``time_limit``.
-    on_iteration : callable, optional
-        Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` after each chunk of
-        OSQP's iterations; when it returns True, the best weights so far are returned, with status
-        ``stopped``.
+    ``solver`` is tried first; if it fails, the other one is tried. OSQP runs without its own
+    scaling, on the objective multiplied by N/C; otherwise it does not converge on maps.
+    ``on_iteration`` is called after each chunk of its iterations.
 
     Raises
     ------

@@ -22,18 +22,10 @@ def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Ora
 
 
 def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool = False) -> Oracle:
-    """Alpha-expansion on one graph: exact for two labels, near the best for more.
+    """Alpha-expansion on one graph: exact for two labels, near the best for more; not thread-safe.
 
-    The returned function is not thread-safe.
-
-    Parameters
-    ----------
-    n_nodes : int
-    edges : (E, 2) int
-        Node pairs.
-    from_last : bool
-        Start from the last call's labels instead of the best unaries: fewer moves while the
-        weights change little, but a labelling missed by one call is likely missed by the next.
+    ``from_last`` starts from the last call's labels instead of the best unaries: fewer moves while
+    the weights change little, but a labelling missed by one call is likely missed by the next.
     """
     around = adjacency(n_nodes, edges)
     space = MoveSpace(around)
@@ -52,20 +44,14 @@ def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """A rigorous upper bound of f at some weights.
-
-    Parameters
-    ----------
-    objective : float
-        Upper bound of f(w), and of the objective with the LP relaxation as far as the bound has
-        converged.
-    labels : (N,) int
-        The best labelling found of the loss-augmented problem: a new cut if the quick oracle
-        missed it.
-    """
+    """A rigorous upper bound of f at some weights."""
 
     objective: float
+    """Upper bound of f(w), and of the objective with the LP relaxation as far as the bound has
+    converged."""
     labels: NDArray[np.int64]
+    """(N,) the best labelling found of the loss-augmented problem: a new cut if the quick oracle
+    missed it."""
 
 
 def certify_weights(

@@ -21,27 +21,18 @@ __all__ = ["MeanField", "mean_field"]
 
 @dataclass(frozen=True, eq=False)
 class MeanField:
-    """Mean-field beliefs of nodes, and their most probable labels.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        The most probable label per node.
-    score : float
-        The labels' log-potential, without the rewards of sets.
-    beliefs : (N, K) float
-        Probability of each label; rows sum to one.
-    converged : bool
-        Whether the last pass changed no belief by more than the tolerance.
-    history : (T,) float
-        Largest change of a belief in each pass.
-    """
+    """Mean-field beliefs of nodes, and their most probable labels."""
 
     labels: NDArray[np.int64]
+    """(N,) the most probable label per node."""
     score: float
+    """The labels' log-potential, without the rewards of sets."""
     beliefs: NDArray[np.float64]
+    """(N, K) probability of each label; rows sum to one."""
     converged: bool
+    """Whether the last pass changed no belief by more than the tolerance."""
     history: NDArray[np.float64]
+    """(T,) largest change of a belief in each pass."""
 
 
 def mean_field(
@@ -112,24 +103,16 @@ _NODES_PER_TASK = 32_768
 
 @dataclass(frozen=True, eq=False)
 class GridMeanField:
-    """Mean-field beliefs of cells, and their most probable labels.
-
-    Parameters
-    ----------
-    labels : (N,) int64
-        The most probable label per node.
-    beliefs : (N, K) float32
-        Probability of each label; rows sum to one.
-    converged : bool
-        Whether the last pass changed no belief by more than the tolerance.
-    history : (T,) float
-        Largest change of a belief in each pass.
-    """
+    """Mean-field beliefs of cells, and their most probable labels."""
 
     labels: NDArray[np.int64]
+    """(N,) the most probable label per node."""
     beliefs: NDArray[np.float32]
+    """(N, K) probability of each label; rows sum to one."""
     converged: bool
+    """Whether the last pass changed no belief by more than the tolerance."""
     history: NDArray[np.float64]
+    """(T,) largest change of a belief in each pass."""
 
 
 def grid_mean_field(
@@ -164,11 +147,6 @@ def grid_mean_field(
         8: cells that share a side or a corner are neighbours; 4: a side only.
     damping, tolerance, max_iterations, on_iteration
         As in :func:`~pgm_places.solvers.mean_field.mean_field`.
-
-    Raises
-    ------
-    InputError
-        A shape, a value or the order of the cells does not fit.
 
     Notes
     -----

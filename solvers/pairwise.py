@@ -36,28 +36,19 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PairwiseModel:
-    """Unary and pairwise log-potentials on a graph; pairwise ones are ``agreement`` or ``tables``.
-
-    Parameters
-    ----------
-    around : Adjacency
-        The graph, N nodes and E edges.
-    unary : (N, K) float
-        Log-potential of each label at each node, -inf where it is forbidden.
-    agreement : (E, K) float or None
-        Log-potential of an edge whose ends agree on a label; 0 where they differ.
-    tables : (1 or E, K, K) float
-        Log-potential of the labels at an edge's first and second node; not used, and (0, K, K),
-        where there is ``agreement``.
-    offset : float
-        Constant added to the score of every labelling.
-    """
+    """Unary and pairwise log-potentials (``agreement`` or ``tables``) on a graph."""
 
     around: Adjacency
+    """The graph, N nodes and E edges."""
     unary: NDArray[np.float64]
+    """(N, K) log-potential of each label at each node, -inf where it is forbidden."""
     agreement: NDArray[np.float64] | None
+    """(E, K) log-potential of an edge whose ends agree on a label; 0 where they differ."""
     tables: NDArray[np.float64]
+    """(1 or E, K, K) log-potential of the labels at an edge's first and second node; not used, and
+    (0, K, K), where there is ``agreement``."""
     offset: float = 0.0
+    """Constant added to the score of every labelling."""
 
     @property
     def n_nodes(self) -> int:

@@ -25,31 +25,21 @@ from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
 @dataclass(frozen=True, eq=False)
 class PartitionBounds:
-    """Lower and upper bound of log Z.
-
-    Parameters
-    ----------
-    lower, upper : float
-        log Z lies between them; they are equal, up to rounding, on a graph without cycles.
-    beliefs : (N, K) float
-        The mean of the forests' marginals, an approximation of the graph's; exact without cycles.
-    """
+    """Lower and upper bound of log Z."""
 
     lower: float
     upper: float
+    """log Z lies between them; they are equal, up to rounding, on a graph without cycles."""
     beliefs: NDArray[np.float64]
+    """(N, K) the mean of the forests' marginals, an approximation of the graph's; exact without
+    cycles."""
 
 
 def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> PartitionBounds:
     """Bounds of ``log sum_y exp(score(y))``, and approximate marginals.
 
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. The lower bound
-        may be -inf where some pairs of labels are forbidden.
-    max_iterations : int
-        Steps of the search for the smallest upper bound, each two passes over every forest.
+    The lower bound may be -inf where some pairs of labels are forbidden. Each of ``max_iterations``
+    steps of the search for the smallest upper bound is two passes over every forest.
 
     Returns
     -------
@@ -82,15 +72,9 @@ def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> Pa
 def tree_bound(
     model: PairwiseModel, *, max_iterations: int = 200
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """The tree-reweighted upper bound of log Z, and its gradient.
+    """The tree-reweighted upper bound of log Z, and its gradient: unaries (N, K), tables (E, K, K).
 
-    Returns
-    -------
-    bound : float
-    unary : (N, K) float
-        Derivative with respect to the unaries: the forests' mean marginals.
-    pairwise : (E, K, K) float
-        Derivative with respect to each edge's table: the marginals of its forest.
+    These are the forests' mean marginals, and the marginals of each edge's forest.
     """
     parts = edge_forests(model.around)
     bound, marginals = _smallest(model, parts or [np.arange(0)], max_iterations, pairs=True)

@@ -59,25 +59,17 @@ class _Neighbours(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The result of relaxation labelling.
-
-    Parameters
-    ----------
-    beliefs : (N, K) float64, or float32 from a raster, where they are computed in it
-        Rows sum to one.
-    converged : bool
-        Whether no belief changed by more than the tolerance in the last iteration.
-    max_change, mean_change : list of float
-        Largest and mean absolute change of a belief, per iteration.
-    support : list of float
-        Average local consistency before each iteration: mean over nodes of ``sum_l p(l) q(l)``.
-    """
+    """The result of relaxation labelling."""
 
     beliefs: Beliefs
+    """(N, K) rows sum to one."""
     converged: bool
+    """Whether no belief changed by more than the tolerance in the last iteration."""
     max_change: list[float] = field(default_factory=list)
     mean_change: list[float] = field(default_factory=list)
+    """Largest and mean absolute change of a belief, per iteration."""
     support: list[float] = field(default_factory=list)
+    """Average local consistency before each iteration: mean over nodes of ``sum_l p(l) q(l)``."""
 
     @property
     def iterations(self) -> int:
@@ -88,17 +80,11 @@ class Relaxed:
 def starting_beliefs(
     unary: ArrayLike, *, floor: float = 0.0, first_node: int = 0
 ) -> NDArray[np.float64]:
-    """(N, K) probabilities from log-probabilities up to a constant per row.
+    """(N, K) probabilities from log-probabilities (N, K) up to a constant per row; -inf stays 0.
 
-    Parameters
-    ----------
-    unary : (N, K) float
-        ``-inf`` is probability 0 and stays so.
-    floor : float
-        Smaller positive probabilities are raised to it before rows are normalised again: a
-        product update cannot bring back a label that starts at 0.
-    first_node : int
-        Index of the first row's node, for error messages.
+    Smaller positive probabilities are raised to ``floor`` before rows are normalised again: a
+    product update cannot bring back a label that starts at 0. Errors count nodes from
+    ``first_node``.
 
     Examples
     --------

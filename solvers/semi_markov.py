@@ -102,21 +102,14 @@ class _Origins(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SemiMarkovState:
-    """A joint belief of the label and of its age in metres.
-
-    Parameters
-    ----------
-    age_m : (W,) float
-        Distance driven since each of the last steps, oldest first.
-    recent : (W, K) float
-        Probability of a label that was entered at that step.
-    old : (K,) float
-        Probability of a label that was entered before.
-    """
+    """A joint belief of the label and of its age in metres."""
 
     age_m: NDArray[np.float64]
+    """(W,) distance driven since each of the last steps, oldest first."""
     recent: NDArray[np.float64]
+    """(W, K) probability of a label that was entered at that step."""
     old: NDArray[np.float64]
+    """(K,) probability of a label that was entered before."""
 
     @property
     def belief(self) -> NDArray[np.float64]:
@@ -139,11 +132,6 @@ class SemiMarkovChain:
         ever.
     rates : (K, B) float
         Rate per metre at which each label is left.
-
-    Raises
-    ------
-    InputError
-        Shapes do not fit, edges do not rise from 0, a rate is negative, or rows do not sum to one.
 
     Examples
     --------
@@ -227,16 +215,8 @@ class SemiMarkovChain:
     ) -> tuple[SemiMarkovState, bool]:
         """The state after one more step, and whether its observation was possible: online use.
 
-        Parameters
-        ----------
-        log_likelihood : (K,) float
-            Of the new observation.
-        state : SemiMarkovState, optional
-            State at the step before; None at the first.
-        moved_m : float
-            Distance driven since the step before.
-
-        A label of belief 0, even after underflow, stays at 0 until it is entered again.
+        ``state`` is that of the step before, None at the first; ``moved_m`` the distance driven
+        since. A label of belief 0, even after underflow, stays at 0 until it is entered again.
         """
         rows = finite_array(
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True

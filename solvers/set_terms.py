@@ -26,17 +26,6 @@ from pgm_places.solvers.pairwise import PairwiseModel
 class SetNodes:
     """Auxiliary nodes and links that represent the sets of a graph.
 
-    Parameters
-    ----------
-    cliques : Cliques
-        C sets with M members together.
-    n_nodes : int
-        N, the nodes of the graph; the nodes of sets follow.
-    n_labels : int
-        K.
-    dissent : float
-        q, the share of its nodes, above 0 and up to 1, that may differ before a set earns nothing.
-
     Examples
     --------
     >>> sets = SetNodes(Cliques.of([[0, 1, 2, 3]], 4), 4, 3, 0.5)
@@ -47,9 +36,14 @@ class SetNodes:
     """
 
     cliques: Cliques
+    """C sets with M members together."""
     n_nodes: int
+    """N, the nodes of the graph; the nodes of sets follow."""
     n_labels: int
+    """K."""
     dissent: float
+    """q, the share of its nodes, above 0 and up to 1, that may differ before a set earns
+    nothing."""
 
     def __post_init__(self) -> None:
         if not 0 < self.dissent <= 1:
@@ -154,18 +148,12 @@ MOST_DISSENT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class SetTerms:
-    """The sets of a learning problem.
-
-    Parameters
-    ----------
-    nodes : SetNodes
-        Their auxiliary nodes and links.
-    features : (C, G) float
-        At least 0.
-    """
+    """The sets of a learning problem."""
 
     nodes: SetNodes
+    """Their auxiliary nodes and links."""
     features: NDArray[np.float64]
+    """(C, G) at least 0."""
 
     def __post_init__(self) -> None:
         features = finite_array("clique_features", self.features, (self.nodes.n_sets, "G"))
@@ -249,19 +237,10 @@ class SetTables(NamedTuple):
 
 
 def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
-    """Rewards of sets as a sum over labels of a function of the number of nodes with the label.
+    """Rewards (C, K) as a sum over labels of a function of the number of nodes with the label.
 
-    Parameters
-    ----------
-    sets : SetNodes
-    rewards : (C, K) float
-        Reward per node of a set whose nodes all agree.
-
-    Raises
-    ------
-    InputError
-        Three labels or more and a dissent above 1/2: several labels of a set may then earn a
-        reward, of which only the largest counts, which is not a sum over labels.
+    With three labels or more and a dissent above 1/2 several labels of a set may earn a reward, of
+    which only the largest counts, which is not a sum over labels: InputError.
     """
     k, dissent = sets.n_labels, sets.dissent
     if k > 2 and dissent > 0.5:
@@ -285,14 +264,7 @@ def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
 
 
 class SetMessages:
-    """Messages of sets to their members, and the model whose unaries include them.
-
-    Parameters
-    ----------
-    model : PairwiseModel
-        Without the sets.
-    tables : SetTables
-    """
+    """Messages of sets to their members, and the model whose unaries include them."""
 
     def __init__(self, model: PairwiseModel, tables: SetTables) -> None:
         self._tables = tables

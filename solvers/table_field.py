@@ -34,31 +34,21 @@ class FieldTables(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TableField:
-    """Features and graph of a conditional random field, without weights.
-
-    Parameters
-    ----------
-    node_features : (N, D) float
-        Dense or sparse.
-    around : Adjacency
-        The graph, N nodes and E edges; rows and columns of a table are labels of the first and
-        second node of an edge.
-    edge_features : (E, F) float
-        Of any sign.
-    n_labels : int
-        K.
-    symmetric : bool
-        Whether tables are symmetric.
-    sets : SetTerms, optional
-        Sets of nodes that want to have one label, and their features.
-    """
+    """Features and graph of a conditional random field, without weights."""
 
     node_features: NDArray[np.float64]
+    """(N, D) dense or sparse."""
     around: Adjacency
+    """The graph, N nodes and E edges; rows and columns of a table are labels of the first and
+    second node of an edge."""
     edge_features: NDArray[np.float64]
+    """(E, F) of any sign."""
     n_labels: int
+    """K."""
     symmetric: bool = False
+    """Whether tables are symmetric."""
     sets: SetTerms | None = None
+    """Sets of nodes that want to have one label, and their features."""
 
     def __post_init__(self) -> None:
         nodes = feature_rows("node_features", self.node_features, self.around.n_nodes)

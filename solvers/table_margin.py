@@ -52,29 +52,20 @@ ORACLE_PASSES = 40
 
 @dataclass(frozen=True, eq=False)
 class TableMarginProblem(MarginProblem):
-    """One training problem, or several as blocks.
-
-    Parameters
-    ----------
-    field : TableField
-    labels : (N,) int
-        The true label of every node.
-    loss : (N,) float
-        Cost of a wrong label at each node; 0 if the label is only assumed.
-    penalty : float
-        C > 0, the price of the mean hinge against the size of the weights.
-    observed : (N,) int, optional
-        Observed labels, -1 elsewhere.
-    costs : (K, K) float, optional
-        What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all by default.
-    """
+    """One training problem, or several as blocks."""
 
     field: TableField
     labels: NDArray[np.int64]
+    """(N,) the true label of every node."""
     loss: NDArray[np.float64]
+    """(N,) cost of a wrong label at each node; 0 if the label is only assumed."""
     penalty: float
+    """C > 0, the price of the mean hinge against the size of the weights."""
     observed: NDArray[np.int64] | None = None
+    """(N,) observed labels, -1 elsewhere."""
     costs: NDArray[np.float64] | None = None
+    """(K, K) what label ``j`` costs where ``i`` is true, times the node's loss; 1 for all by
+    default."""
 
     def __post_init__(self) -> None:
         self._check_truth(self.field.n_labels)
@@ -141,12 +132,8 @@ def _best_with_sets(
 def table_oracle(field: TableField, *, from_last: bool = False) -> Oracle:
     """A function that finds labellings of large score on a field's pairwise graph.
 
-    Parameters
-    ----------
-    field : TableField
-    from_last : bool
-        Continue from the last call's messages with a few passes and a local search: a fifth of the
-        time while the weights change little. The returned function is then not thread-safe.
+    ``from_last`` continues from the last call's messages with a few passes and a local search: a
+    fifth of the time while the weights change little. The function is then not thread-safe.
     """
     if from_last and not field.is_forest and field.sets is None:
         again = RepeatedDecoding()

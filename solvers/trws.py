@@ -24,30 +24,21 @@ FIRST_PASSES, FURTHER_PASSES = 10, 2
 
 @dataclass(frozen=True, eq=False)
 class DualDecoding:
-    """A labelling with an upper bound of the best score.
-
-    Parameters
-    ----------
-    labels : (N,) int
-        The best labelling found.
-    score : float
-        Its log-potential.
-    bound : float
-        No labelling scores more.
-    converged : bool
-        Whether the gap closed to the tolerance, or the bound stopped falling.
-    history : (T, 2) float
-        After each pass up and down the best score so far and the bound.
-    duals : (2 E, K) float or None
-        The dual variables of the bound (:func:`pgm_places.solvers.duals.dual_bound`), if requested.
-    """
+    """A labelling with an upper bound of the best score."""
 
     labels: NDArray[np.int64]
+    """(N,) the best labelling found."""
     score: float
+    """Its log-potential."""
     bound: float
+    """No labelling scores more."""
     converged: bool
+    """Whether the gap closed to the tolerance, or the bound stopped falling."""
     history: NDArray[np.float64]
+    """(T, 2) after each pass up and down the best score so far and the bound."""
     duals: NDArray[np.float64] | None = None
+    """(2 E, K) the dual variables of the bound (:func:`pgm_places.solvers.duals.dual_bound`), if
+    requested."""
 
 
 def trws(
@@ -84,17 +75,13 @@ def trws(
         (:attr:`PairwiseModel.size <pgm_places.solvers.pairwise.PairwiseModel.size>`), or when the
         bound fell by less than a tenth of that in the last ten iterations.
     eliminate : bool
-        Rule out labels that cannot be best first (:func:`~pgm_places.solvers.elimination.\
-reduce_model`), which changes neither the best score nor the bound's validity.
+        Rule out labels that cannot be best first
+        (:func:`~pgm_places.solvers.elimination.reduce_model`), which changes neither the best score
+        nor the bound's validity.
     duals : bool
         Keep the dual variables that give the bound.
     on_iteration : callable, optional
         Called after each iteration with its number and the bound.
-
-    Raises
-    ------
-    InputError
-        No labelling is allowed.
 
     Notes
     -----
