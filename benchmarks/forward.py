@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.chains import markov_chain
-from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
+from pgm_places.solvers.forward import filtered_beliefs, markov_chain, smoothed_beliefs, viterbi
 
 N_LABELS = 6
 Array = NDArray[np.float64]

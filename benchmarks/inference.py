@@ -34,12 +34,11 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
-from pgm_places.models.built_in_decoders import DECODERS
+from pgm_places.models.decoders import DECODERS
 from pgm_places.models.decoding import decode
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.elimination import reduce_model
-from pgm_places.solvers.expansion import MoveSpace, alpha_expansion
-from pgm_places.solvers.max_flow import minimum_cut
+from pgm_places.solvers.graph_cut import MoveSpace, alpha_expansion, minimum_cut
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from pgm_places import LabelGraph, Potentials, Status, decode
 from pgm_places.models.decoder_checks import check_decoder
-from pgm_places.models.decoders import register_decoder
-from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
+from pgm_places.models.decoders import DecodingAnswer, DecodingTask, register_decoder
 
 
 def anneal(task: DecodingTask) -> DecodingAnswer:

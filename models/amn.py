@@ -30,7 +30,6 @@ from pgm_places.models.amn_learning import (
 )
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.few_labels import warns_of_few_labels
 from pgm_places.models.held_out_choice import Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
@@ -53,13 +52,13 @@ from pgm_places.models.linear_features import (
     parse_node_features,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
-from pgm_places.models.observed_labels import with_observed
+from pgm_places.models.observed_labels import warns_of_few_labels, with_observed
 from pgm_places.options import Positive, Whole
 from pgm_places.options.marks import Gt, Lt, MinLen
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import QPSolver
-from pgm_places.solvers.table_margin import PottsMarginProblem
+from pgm_places.solvers.max_oracle import PottsMarginProblem
 
 # Candidates of C="auto", and its value if nothing can be held out.
 AUTO_PENALTIES = (10.0, 100.0, 1000.0)

@@ -21,12 +21,12 @@ from pgm_places.models.chain_statistics import (
     usual_length,
 )
 from pgm_places.models.evidence_weight import possible, weights_at
-from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import (
     ChainBeliefs,
     ChainPath,
     ForwardFilter,
     filtered_beliefs,
+    markov_chain,
     smoothed_beliefs,
     viterbi,
 )

@@ -22,9 +22,15 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.decoders import Decoder, named_decoder
+from pgm_places.models.decoders import (
+    Decoder,
+    DecodingAnswer,
+    DecodingTask,
+    converged,
+    model_of,
+    named_decoder,
+)
 from pgm_places.models.decoding import decode
-from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged, model_of
 from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.models.label_order import decoded_by_preference
 from pgm_places.solvers.set_terms import SetNodes, SetTerms

@@ -31,7 +31,6 @@ from pgm_places.models.crf_learning import (
     needs_damping,
 )
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.few_labels import warns_of_few_labels
 from pgm_places.models.held_out_choice import Candidate, Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
@@ -52,7 +51,7 @@ from pgm_places.models.linear_features import (
     with_auto,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
-from pgm_places.models.observed_labels import with_observed, without_observed
+from pgm_places.models.observed_labels import warns_of_few_labels, with_observed, without_observed
 from pgm_places.options import Positive, Whole
 from pgm_places.options.marks import Gt, Lt, MinLen
 from pgm_places.solvers.adjacency import adjacency, is_forest

@@ -31,13 +31,13 @@ from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
-from pgm_places.solvers.table_field import TableField
-from pgm_places.solvers.table_margin import (
+from pgm_places.solvers.max_oracle import (
     TableMarginProblem,
     best_labels,
     certify_tables,
     table_oracle,
 )
+from pgm_places.solvers.table_field import TableField
 
 FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-margin"]
 

@@ -17,8 +17,7 @@ from pgm_places.errors import InfeasibleError, InputError, SolverError, quoted
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
-from pgm_places.models.decoders import named_decoder
-from pgm_places.models.decoding_task import Damping, DecodingAnswer, DecodingTask
+from pgm_places.models.decoders import Damping, DecodingAnswer, DecodingTask, named_decoder
 
 
 def node_without_labels(graph: LabelGraph, potentials: Potentials) -> int | None:
@@ -122,8 +121,8 @@ def decode(
         labels at both ends of each edge, and ``disagreement`` (E,), that they differ, from
         ``exact``, ``sum-product`` and ``mean-field``; ``messages`` (2 E, K) from ``sum-product``
         and ``max-product``; ``duals`` (2 E, K), the dual variables whose
-        :func:`~pgm_places.solvers.duals.dual_bound` is the bound, from ``trw-s``, ``lp`` and, of
-        two labels, ``graph-cut``. An error for decoders that have none of them.
+        :func:`~pgm_places.solvers.marginal_lp.dual_bound` is the bound, from ``trw-s``, ``lp`` and,
+        of two labels, ``graph-cut``. An error for decoders that have none of them.
     decoder : callable, optional
         Replaces the decoder named ``method``.
 

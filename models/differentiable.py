@@ -19,8 +19,8 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
+from pgm_places.models.decoders import model_of
 from pgm_places.models.decoding import decode
-from pgm_places.models.decoding_task import model_of
 from pgm_places.options import check_option
 
 PartitionMethod = Literal["auto", "exact", "trees", "mean-field"]
@@ -242,7 +242,7 @@ def structured_hinge(
 
 def _maximiser(graph: LabelGraph, potentials: Potentials) -> str:
     """The default decoder: exact, or the first that supports the potentials."""
-    from pgm_places.solvers.expansion import require_regular
+    from pgm_places.solvers.graph_cut import require_regular
 
     if _forests([graph], [potentials]):
         return "exact"

@@ -12,9 +12,8 @@ from pgm_places._checks import require_type
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.models.decoders import named_decoder
+from pgm_places.models.decoders import DecodingAnswer, named_decoder
 from pgm_places.models.decoding import ROUNDING, decode
-from pgm_places.models.decoding_task import DecodingAnswer
 from pgm_places.solvers.bucket_tree import Factor
 
 PAIRWISE_ONLY = ("graph-cut", "icm", "mean-field")

@@ -1,4 +1,4 @@
-"""Potts field: a Markov random field with one smoothing weight, the simplest structured model."""
+"""Markov random fields without learning: independent nodes, and the Potts field."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,19 +7,44 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Traits
-from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
-from pgm_places.models.decoders import Decoder, gives_beliefs
-from pgm_places.models.decoding_task import Damping
+from pgm_places.models.decoders import Damping, Decoder, gives_beliefs
 from pgm_places.models.evidence_weight import Evidence, divided_share, without_prior
+from pgm_places.models.label_order import preference_order
 from pgm_places.options import AtLeastZero, Options, Positive, Whole
 from pgm_places.options.marks import Gt, Le
+from pgm_places.solvers.relaxation import starting_beliefs
+
+
+@dataclass(frozen=True)
+class Independent:
+    """Labels each node by the largest unary potential; edges are ignored.
+
+    With the decision list's histogram z (paper eq. 8) as unary this is AdaBoost alone.
+    """
+
+    traits: ClassVar[Traits] = Traits(uses_node_features=False)
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        """The argmax of the unary at every node; beliefs are the normalised unaries.
+
+        Ties go to the label that more nodes prefer, so that the order of labels does not matter.
+        """
+        unary = evident_unary(problem, "independent")
+        order = preference_order(unary, problem.label_names)
+        labels = freeze(order[unary[:, order].argmax(axis=1)])
+        total = score(problem.graph, Potentials(unary), labels)
+        beliefs = freeze(starting_beliefs(unary))
+        return Labeling(labels, Status.EXACT, beliefs=beliefs, score=total, bound=total)
+
 
 # Candidate weights, in units of the default, which wins among equals.
 FACTORS = (1.0, 0.0, 0.125, 0.25, 0.5, 2.0, 4.0)

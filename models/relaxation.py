@@ -21,13 +21,16 @@ from pgm_places.models.evidence_weight import Evidence, divided_share, without_p
 from pgm_places.models.labelled_examples import labelled_parts
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.options.marks import Ge, Lt
-from pgm_places.solvers.compatibility import (
+from pgm_places.solvers.relaxation import (
     DIRECTIONS,
+    OnIteration,
+    Relaxed,
+    check_tables,
     edge_pair_counts,
     grid_pair_counts,
+    relax_graph,
     yamamoto_coefficients,
 )
-from pgm_places.solvers.relaxation import OnIteration, Relaxed, check_tables, relax_graph
 
 
 @travels
@@ -161,8 +164,7 @@ class Relaxation(LearnedNames):
         Raises
         ------
         InputError
-            No two labelled neighbours anywhere; problems with other labels than the first; or, if
-            directional, grids and other graphs mixed.
+            No two labelled neighbours, other labels, or directional grids and other graphs mixed.
         """
         pairs = labelled_problems(problems, labelings)
         if self._is_given:
@@ -193,8 +195,7 @@ class Relaxation(LearnedNames):
 
     def counts(self, problem: LabelingProblem, known: NDArray[np.int64]) -> NDArray[np.int64]:
         """(1, L, L) pair counts of one problem, or (8, L, L) or (2, L, L) if directional."""
-        n_labels = problem.n_labels
-        graph = problem.graph
+        graph, n_labels = problem.graph, problem.n_labels
         connectivity = grid_connectivity(graph)
         if connectivity is None:
             counts = edge_pair_counts(known, graph.edges, n_labels + 1)

@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen_copy, require_at_least
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials, checked_potentials
-from pgm_places.models.decoders import Decoder
+from pgm_places.models.decoders import Decoder, model_of
 from pgm_places.models.decoding import decode
-from pgm_places.models.decoding_task import model_of
 from pgm_places.solvers.adjacency import is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_samples

@@ -26,7 +26,7 @@ struct Path {
     std::uint32_t depth;  // its length
 };
 
-struct Space {  // see CutSpace in max_flow.py
+struct Space {  // see CutSpace in graph_cut.py
     Array<std::int8_t, 1> side;
     Array<std::uint32_t, 2> path;
     Array<std::uint32_t, 1> active;

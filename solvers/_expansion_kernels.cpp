@@ -18,7 +18,7 @@ using Labels = Array<const std::int32_t, 1>;
 
 constexpr double ROUNDING = 1e-12;  // a gain below this share of its terms is rounding
 
-struct Move {  // see expansion.py
+struct Move {  // see graph_cut.py
     Nodes members;
     Array<bool, 1> undecided;
     Row low, high, weight;
@@ -30,7 +30,7 @@ struct CutArcs {
     auto fields() { return std::tie(start, head, arc, ends); }
 };
 
-struct Cut {  // see expansion.py
+struct Cut {  // see graph_cut.py
     Nodes number, edge_number;
     CutArcs arcs;
     Row excess, capacity;

@@ -15,9 +15,8 @@ from pgm_places.graph.layout import MaskCells
 from pgm_places.kernels.lazy_memory import MappedPlanes
 from pgm_places.kernels.threads import run_parts, run_tasks
 from pgm_places.solvers import relaxation
-from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.convergence import check_iteration_limits
-from pgm_places.solvers.relaxation import OnIteration, Relaxed
+from pgm_places.solvers.relaxation import DIRECTIONS, OnIteration, Relaxed
 
 # Cells of a row that are stored together: a cache line of float32, one to four vectors.
 BLOCK = 16
@@ -131,7 +130,7 @@ def relax_grid(
         Rows and columns of the raster.
     compatibility : (1, K + 1, K + 1) or (8, K + 1, K + 1) float
         ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour in direction ``d`` of
-        :data:`pgm_places.solvers.compatibility.DIRECTIONS`; one table serves all. Label K is wall.
+        :data:`pgm_places.solvers.relaxation.DIRECTIONS`; one table serves all. Label K is wall.
     walls : (H, W) bool, or a function that returns them, optional
         Cells that surely are walls. The result of a function is freed before the iterations.
     diagonal_weight : float

@@ -37,14 +37,6 @@ from pgm_places._arguments import public
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
-from pgm_places.solvers.expected_features import (
-    exact_sums,
-    expected_labels,
-    piecewise_sums,
-    pseudo_sums,
-    require_equal_ends,
-    soft_labels,
-)
 from pgm_places.solvers.margin_solution import (
     LearnedWeights,
     LearningStep,
@@ -52,7 +44,15 @@ from pgm_places.solvers.margin_solution import (
     reached,
     relative_gap,
 )
-from pgm_places.solvers.table_field import TableField
+from pgm_places.solvers.table_field import (
+    TableField,
+    exact_sums,
+    expected_labels,
+    piecewise_sums,
+    pseudo_sums,
+    require_equal_ends,
+    soft_labels,
+)
 
 Likelihood = Literal["likelihood", "pseudo-likelihood", "piecewise"]
 

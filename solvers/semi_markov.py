@@ -22,13 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places import _core
 from pgm_places._checks import finite_array, require_at_least
 from pgm_places.errors import InputError
-from pgm_places.solvers.chains import (
+from pgm_places.solvers.forward import (
     RARE_ARRIVAL,
     RARE_BELIEF,
+    ChainBeliefs,
+    ChainPath,
     check_start,
     require_distributions,
 )
-from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
 
 class _Rates(NamedTuple):

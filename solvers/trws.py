@@ -37,8 +37,8 @@ class DualDecoding:
     history: NDArray[np.float64]
     """(T, 2) after each pass up and down the best score so far and the bound."""
     duals: NDArray[np.float64] | None = None
-    """(2 E, K) the dual variables of the bound (:func:`pgm_places.solvers.duals.dual_bound`), if
-    requested."""
+    """(2 E, K) the dual variables of the bound, if requested; see
+    :func:`pgm_places.solvers.marginal_lp.dual_bound`."""
 
 
 def trws(

@@ -10,7 +10,7 @@ from pathlib import Path
 ALLOWED_TOP_LEVEL = {"pgm_places"}
 TRIAL = """
 import pathlib, sys
-import pgm_places, pgm_places.models.independent, pgm_places.solvers
+import pgm_places, pgm_places.models.mrf, pgm_places.solvers
 assert pgm_places.LabelGraph and pgm_places.load
 here = pathlib.Path(pgm_places.__file__)
 assert "site-packages" in here.parts, here

@@ -21,9 +21,8 @@ from pgm_places.maps.components import squared_clearance
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.simulation import generate_building
 from pgm_places.solvers.belief_propagation import belief_propagation
-from pgm_places.solvers.chains import markov_chain
-from pgm_places.solvers.expansion import alpha_expansion
-from pgm_places.solvers.forward import filtered_beliefs, viterbi
+from pgm_places.solvers.forward import filtered_beliefs, markov_chain, viterbi
+from pgm_places.solvers.graph_cut import alpha_expansion
 from pgm_places.solvers.grid_relaxation import relax_grid
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.pairwise import pairwise_model

@@ -7,7 +7,7 @@ import yaml
 
 from pgm_places import __version__
 from pgm_places.inference.labeling import Status
-from pgm_places.models.built_in_decoders import DECODERS
+from pgm_places.models.decoders import DECODERS
 
 ROOT = Path(__file__).parents[1]
 

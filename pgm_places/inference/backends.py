@@ -82,7 +82,7 @@ def traits_of(method: Any) -> Traits:
 BACKENDS: Mapping[str, str] = {
     "hmm": "pgm_places.models.hmm:HiddenMarkovModel",
     "semi_markov": "pgm_places.models.semi_markov:SemiMarkovModel",
-    "independent": "pgm_places.models.independent:Independent",
+    "independent": "pgm_places.models.mrf:Independent",
     "relaxation": "pgm_places.models.relaxation:Relaxation",
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",
     "crf": "pgm_places.models.crf:ConditionalRandomField",

@@ -214,7 +214,7 @@ class _Parts:
         self, sums: NDArray[np.float64], pulls: _KnownBorders | None = None
     ) -> NDArray[np.bool_]:
         """(P,) the parts whose label changes in the optimal labelling."""
-        from pgm_places.solvers.max_flow import minimum_cut
+        from pgm_places.solvers.graph_cut import minimum_cut
 
         pairs, length_m, pulling_m = self.borders(pulls)
         within = self.segment[pairs[:, 0]] == self.segment[pairs[:, 1]]

@@ -26,7 +26,7 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.places import places_of
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.models.independent import Independent
+from pgm_places.models.mrf import Independent
 from pgm_places.progress import Progress, report_stage, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.gates import Gate

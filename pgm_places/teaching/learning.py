@@ -17,7 +17,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.further_boosting import TeachingExamples
+from pgm_places.models.boosting_rounds import TeachingExamples
 from pgm_places.models.mrf import PottsField
 from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor

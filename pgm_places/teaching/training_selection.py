@@ -6,9 +6,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.models import further_boosting
+from pgm_places.models import boosting_rounds
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.further_boosting import FurtherRounds, TeachingExamples
+from pgm_places.models.boosting_rounds import FurtherRounds, TeachingExamples
 from pgm_places.options import AtLeastZero, Options
 from pgm_places.options.marks import Ge
 
@@ -86,14 +86,14 @@ def learned_further(
     def with_others(subset: TeachingExamples, so_far: BoostedList) -> TeachingExamples:
         if not len(others) or not weight:
             return subset
-        return subset.and_also(further_boosting.own_opinion(so_far, others, weight))
+        return subset.and_also(boosting_rounds.own_opinion(so_far, others, weight))
 
     boosted = fitted
     if (examples.labels < n_old).any():
         subset = with_others(examples.where(examples.labels < n_old), boosted)
-        boosted = further_boosting.boosted_further(boosted, subset, options)
+        boosted = boosting_rounds.boosted_further(boosted, subset, options)
     for label in range(n_old, int(examples.labels.max()) + 1):
         subset = with_others(examples.where(examples.labels <= label), boosted)
         number = int(boosted.classes[-1]) + 1
-        boosted = further_boosting.with_first_class(boosted, number, subset, options)
+        boosted = boosting_rounds.with_first_class(boosted, number, subset, options)
     return boosted

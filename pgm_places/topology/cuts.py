@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid, at_cells
-from pgm_places.solvers.max_flow import minimum_cut
+from pgm_places.solvers.graph_cut import minimum_cut
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
 from pgm_places.spaces.places import join
 from pgm_places.spaces.segmentation import Segmentation

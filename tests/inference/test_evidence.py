@@ -24,7 +24,7 @@ from pgm_places import (
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import Backend
 from pgm_places.inference.labeling import keep_evidence
-from pgm_places.models.built_in_decoders import DECODERS as BUILT_IN
+from pgm_places.models.decoders import DECODERS as BUILT_IN
 from pgm_places.models.hmm import MODES
 from tests.reference.energy import Model, labelings, score
 from tests.refusals import refused

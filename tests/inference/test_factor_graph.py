@@ -112,7 +112,7 @@ def test_decoders_of_pairs_refuse_more_in_one_line(method: str) -> None:
 
 
 def test_added_decoders_get_factors_as_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pgm_places.models.decoding_task import NamedDecoder
+    from pgm_places.models.decoders import NamedDecoder
 
     monkeypatch.setattr("pgm_places.models.decoders._registered", {"mine": NamedDecoder(by_unary)})
     graph = random_factors(4)

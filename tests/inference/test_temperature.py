@@ -11,8 +11,7 @@ from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
 from pgm_places.errors import InputError
 from pgm_places.inference.temperature import calibrated, likeliest_temperature, tempered
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.independent import Independent
-from pgm_places.models.mrf import PottsField
+from pgm_places.models.mrf import Independent, PottsField
 from tests.refusals import refused
 
 

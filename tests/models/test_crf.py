@@ -15,8 +15,8 @@ from pgm_places.graph.cliques import Cliques
 from pgm_places.models.crf import ConditionalRandomField
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.max_oracle import TableMarginProblem
 from pgm_places.solvers.table_field import TableField
-from pgm_places.solvers.table_margin import TableMarginProblem
 from tests.reference.energy import Model, best_score
 from tests.reference.max_margin import all_labelings, constrained_optimum
 from tests.refusals import refused

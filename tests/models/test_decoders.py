@@ -8,10 +8,17 @@ import pytest
 
 from pgm_places import LabelGraph, LabelingProblem, Potentials, Status, build, decode, score
 from pgm_places.errors import ConfigError, InfeasibleError, InputError, SolverError
-from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoder_checks import check_decoder, small_problems
-from pgm_places.models.decoders import GROUP, decoder_names, named_decoder, register_decoder
-from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder
+from pgm_places.models.decoders import (
+    DECODERS,
+    GROUP,
+    DecodingAnswer,
+    DecodingTask,
+    NamedDecoder,
+    decoder_names,
+    named_decoder,
+    register_decoder,
+)
 from tests.models.test_decoding import ALL
 from tests.refusals import refused
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pgm_places import LabelGraph, Potentials, Status, decode, score
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.models.built_in_decoders import DECODERS
+from pgm_places.models.decoders import DECODERS
 from pgm_places.solvers.local_search import allowed_labels
 from tests.reference.energy import Model, best_score
 from tests.refusals import refused

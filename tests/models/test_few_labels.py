@@ -12,7 +12,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.few_labels import fault_on_few_labels
+from pgm_places.models.observed_labels import fault_on_few_labels
 
 NAMES = ("a", "b", "c")
 

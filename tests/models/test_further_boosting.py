@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.further_boosting import (
+from pgm_places.models.boosting_rounds import (
     FurtherRounds,
     TeachingExamples,
     boosted_further,
     own_opinion,
     with_first_class,
 )
+from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.strong_classifier import BoostedTrees
 from tests.refusals import refused
 

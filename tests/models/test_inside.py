@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places import LabelGraph, Potentials, decode
 from pgm_places.errors import InputError
-from pgm_places.solvers.duals import dual_bound
+from pgm_places.solvers.marginal_lp import dual_bound
 from tests.reference.energy import Model, pair_marginals
 
 TREE = LabelGraph.from_edges(5, [(0, 1), (1, 2), (1, 3), (3, 4)])

@@ -20,7 +20,7 @@ from pgm_places._checks import freeze
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.models.relaxation import Relaxation, grid_connectivity
-from pgm_places.solvers.compatibility import yamamoto_coefficients
+from pgm_places.solvers.relaxation import yamamoto_coefficients
 from tests.real_data import real_data_folder
 from tests.reference.relaxation import pair_counts, relaxed_grid
 from tests.refusals import refused

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.compatibility import (
+from pgm_places.solvers.relaxation import (
     DIRECTIONS,
     edge_pair_counts,
     grid_pair_counts,

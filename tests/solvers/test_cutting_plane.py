@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
-from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.cutting_plane import INACTIVE_ROUNDS, CutMaster, cutting_plane
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, LearningStep
 from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp

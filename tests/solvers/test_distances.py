@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pgm_places._core import edge_score, max_of_distances
 from pgm_places.solvers.belief_propagation import belief_propagation
-from pgm_places.solvers.duals import dual_bound
 from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.marginal_lp import dual_bound
 from pgm_places.solvers.pairwise import PairwiseModel, Terms, label_distances, pairwise_model
 from pgm_places.solvers.trws import trws
 from tests.reference.energy import Model, best_score

@@ -9,9 +9,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InfeasibleError, InputError
-from pgm_places.solvers.duals import cut_duals, dual_bound, reparametrisation
-from pgm_places.solvers.expansion import alpha_expansion
-from pgm_places.solvers.marginal_lp import solve_marginal_lp
+from pgm_places.solvers.graph_cut import alpha_expansion
+from pgm_places.solvers.marginal_lp import (
+    cut_duals,
+    dual_bound,
+    reparametrisation,
+    solve_marginal_lp,
+)
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 from tests.reference.energy import Model, best_score, labelings, score

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.expansion import Expansion, MoveSpace, alpha_expansion
+from pgm_places.solvers.graph_cut import Expansion, MoveSpace, alpha_expansion
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_move, best_score, score
 from tests.strategies import Kind, models

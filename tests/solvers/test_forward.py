@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.solvers import forward
-from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import (
     ForwardFilter,
     filtered_beliefs,
+    markov_chain,
     smoothed_beliefs,
     viterbi,
 )

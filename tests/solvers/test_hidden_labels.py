@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.graph.known_labels import keep_known
+from pgm_places.models.completion import HiddenLabels, concave_convex
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.hidden_labels import HiddenLabels, concave_convex
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_oracle import graph_cut_oracle

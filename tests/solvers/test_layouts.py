@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from pgm_places.solvers.belief_propagation import belief_propagation
-from pgm_places.solvers.chains import markov_chain
-from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.forest import forest_marginals, forest_maximum
-from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
+from pgm_places.solvers.forward import filtered_beliefs, markov_chain, smoothed_beliefs, viterbi
+from pgm_places.solvers.graph_cut import alpha_expansion, minimum_cut
 from pgm_places.solvers.grid_relaxation import relax_grid
 from pgm_places.solvers.local_search import iterated_conditional_modes
-from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.solvers.mean_field import grid_mean_field, mean_field
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs

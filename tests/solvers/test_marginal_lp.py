@@ -9,10 +9,14 @@ from hypothesis import strategies as st
 from pgm_places import LabelGraph
 from pgm_places.errors import SolverError
 from pgm_places.solvers.bucket_tree import BucketTree
-from pgm_places.solvers.duals import dual_value
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import iterated_conditional_modes
-from pgm_places.solvers.marginal_lp import associative_duals, polytope_duals, solve_marginal_lp
+from pgm_places.solvers.marginal_lp import (
+    associative_duals,
+    dual_value,
+    polytope_duals,
+    solve_marginal_lp,
+)
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, score
 from tests.strategies import models, ruled_models

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import maximum_flow
 from pgm_places._core import spread_excess
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.max_flow import minimum_cut
+from pgm_places.solvers.graph_cut import minimum_cut
 from tests.reference.energy import cut_value
 from tests.refusals import refused
 from tests.strategies import edge_lists, quarters

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.max_margin import joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
-from pgm_places.solvers.max_oracle import problem_oracle
-from pgm_places.solvers.table_margin import PottsMarginProblem
+from pgm_places.solvers.max_oracle import PottsMarginProblem, problem_oracle
 from tests.solvers.max_margin_problems import grid_problem
 
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.chains import markov_chain
-from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
+from pgm_places.solvers.forward import filtered_beliefs, markov_chain, smoothed_beliefs, viterbi
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 from tests.reference.chains import marginals
 from tests.reference.semi_markov import joint, log_joint

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.max_oracle import TableMarginProblem, certify_tables, table_oracle
 from pgm_places.solvers.table_field import TableField
-from pgm_places.solvers.table_margin import TableMarginProblem, certify_tables, table_oracle
 from tests.reference.max_margin import all_labelings, constrained_optimum
 from tests.refusals import refused
 

@@ -13,14 +13,14 @@ from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
 from pgm_places.solvers.margin_solution import LearnedWeights
-from pgm_places.solvers.set_terms import SetTerms
-from pgm_places.solvers.table_field import TableField, beside
-from pgm_places.solvers.table_margin import (
+from pgm_places.solvers.max_oracle import (
     TableMarginProblem,
     best_labels,
     certify_tables,
     table_oracle,
 )
+from pgm_places.solvers.set_terms import SetTerms
+from pgm_places.solvers.table_field import TableField, beside
 from tests.reference.cliques import set_score
 from tests.reference.max_margin import all_labelings, constrained_optimum
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places import trained_labeler
-from pgm_places.models.further_boosting import TeachingExamples
+from pgm_places.models.boosting_rounds import TeachingExamples
 from pgm_places.simulation import generate_building
 from pgm_places.teaching import learning
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler

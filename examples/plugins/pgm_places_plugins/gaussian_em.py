@@ -16,7 +16,7 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.models.chain_statistics import normalised
-from pgm_places.models.decoding_task import model_of
+from pgm_places.models.decoders import model_of
 from pgm_places.solvers.adjacency import is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_marginals

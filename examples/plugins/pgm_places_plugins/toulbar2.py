@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.inference.labeling import Status
-from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
+from pgm_places.models.decoders import DecodingAnswer, DecodingTask
 from pgm_places.solvers.bucket_tree import Factor
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.trws import trws
