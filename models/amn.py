@@ -1,20 +1,19 @@
 """Associative Markov network: nodes and edges scored by learned weights, trained by max margin."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
-from typing import Annotated, ClassVar, Literal, Self
+from functools import partial
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout, StepLayout
 from pgm_places.inference.backends import in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.amn_learning import (
@@ -28,19 +27,13 @@ from pgm_places.models.amn_learning import (
     resolved_learner,
     weighted,
 )
-from pgm_places.models.completion import completes, hidden_parts
+from pgm_places.models.completion import completes
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.held_out_choice import Path, choose
-from pgm_places.models.label_order import learned_by_frequency
+from pgm_places.models.held_out_choice import Candidate, Path
 from pgm_places.models.labelled_examples import (
-    Example,
     labelled_parts,
-    labelled_weights,
-    linked_steps,
     penalties_of,
-    searched_parts,
 )
-from pgm_places.models.learning_record import warn_of_gap
 from pgm_places.models.linear_features import (
     OFFSET,
     PreparedProblems,
@@ -51,8 +44,8 @@ from pgm_places.models.linear_features import (
     node_offset,
     parse_node_features,
 )
-from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
-from pgm_places.models.observed_labels import warns_of_few_labels, with_observed
+from pgm_places.models.linear_model import require_edge_features
+from pgm_places.models.linear_training import Learned, Selection, TrainedLinearModel, TrainingSet
 from pgm_places.options import Positive, Whole
 from pgm_places.options.marks import Gt, Lt, MinLen
 from pgm_places.solvers.margin_solution import OnStep
@@ -74,7 +67,7 @@ _REMEDIES = "take a smaller C{}, or method 'crf' where neighbours do not only ag
 
 
 @dataclass(frozen=True, eq=False)
-class AssociativeMarkovNetwork(LinearModel):
+class AssociativeMarkovNetwork(TrainedLinearModel):
     """Joint labelling by learned node scores and learned rewards for agreeing neighbours.
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij [y_i = y_j] w_e[:, y_i] . x_ij`` with
@@ -152,6 +145,7 @@ class AssociativeMarkovNetwork(LinearModel):
     """
 
     _has_offset: ClassVar[bool] = True
+    _edge_array: ClassVar[str] = "edge_weights"
 
     learner: Learner = "auto"
     inference: Decoder = "graph-cut"
@@ -167,143 +161,80 @@ class AssociativeMarkovNetwork(LinearModel):
 
     # ------------------------------------------------------------------ learning
 
-    @warns_of_few_labels
-    @learned_by_frequency
-    def fit(
+    def _completes(
         self,
         problems: Sequence[LabelingProblem],
         labelings: Sequence[NDArray[np.int64]],
-        *,
-        sample_weight: Sequence[ArrayLike] | None = None,
-        on_iteration: OnStep | None = None,
-    ) -> Self:
-        """A new, fitted network; see ``unlabelled`` for nodes labelled -1.
-
-        Parameters
-        ----------
-        problems : sequence of LabelingProblem
-            The training maps.
-        labelings : sequence of (N,) int
-            The true label index of every node of each map, -1 where it is unknown. Observed labels
-            of a problem (its ``known``) are evidence: learning conditions on them, or, if all are
-            observed, on folds of them (:mod:`pgm_places.models.observed_labels`).
-        sample_weight : sequence of float or (N,) float, optional
-            Weight of each map, or of each of its nodes: the factor of the cost of a wrong label. A
-            connected part of a graph has the mean weight of its nodes.
-        on_iteration : callable, optional
-            Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` (cuts, gap,
-            seconds) during learning; True stops it with the best weights so far.
-
-        Raises
-        ------
-        LabelError
-            A label without an example in any map.
-        InputError
-            Maps and labellings do not match, or features are missing.
-        """
-        weights = None if sample_weight is None else weights_of(sample_weight, problems)
-        problems, labelings, weights = with_observed(problems, labelings, weights)
-        hidden = completes(self.unlabelled, labelled_problems(problems, labelings))
-        if hidden and weights is not None:
+        weights: Sequence[NDArray[np.float64]] | None,
+    ) -> bool:
+        if not completes(self.unlabelled, labelled_problems(problems, labelings)):
+            return False
+        if weights is not None:
             raise InputError(
                 "sample_weight cannot be combined with the completion of missing labels, which "
                 "sets the weights of completed nodes; use unlabelled='dropped'"
             )
-        if hidden and OFFSET in parse_parts(self.node_features):
+        if OFFSET in parse_parts(self.node_features):
             raise InputError(
                 "an offset cannot be combined with the completion of missing labels; remove offset "
                 "from node_features, or use unlabelled='dropped'"
             )
-        if hidden and self._goes_on:
+        if self._goes_on:
             raise InputError(
                 "warm_start cannot be combined with the completion of missing labels, which begins "
                 "with labels instead of weights; use unlabelled='dropped' or warm_start=False"
             )
-        examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
-        counts = None if weights is None else np.concatenate(labelled_weights(weights, labelings))
+        return True
 
-        @cache
-        def prepared(parts: str) -> tuple[PreparedProblems, MaxMarginProblem]:
-            ready = self._prepared(examples, parts)
-            return ready, self._task(ready, PENALTY, counts)
-
-        node_parts, penalty, search = self._chosen(examples, hidden, prepared)
-        ready, task = prepared(node_parts)
-        task = replace(task, penalty=penalty)
-        options, reason = self._learner_options(task, hidden)
-        alike, k = task.offset is not None, task.n_labels
-        of_weights = ready.sizes.of_weights(task.n_weights, k, 1 if alike else k)
-        start, objectives = time.perf_counter(), None
-        if hidden:
-            completed = learn_hidden(
-                task, ready.labels, ready.loss_of, options, on_iteration=on_iteration
-            )
-            solution, objectives = completed.solution, completed.objectives
-        else:
-            begin = self._weights_to_begin_with("edge_weights", of_weights, k, alike=alike)
-            solution = learn(task, options, start=begin, on_iteration=on_iteration)
-        seconds = time.perf_counter() - start
-        record = learning_record(task, solution, len(examples), seconds, options, reason)
-        other = "" if options.learner == "qp" else ", learner='qp'"
-        warn_of_gap(record, self.scale, _REMEDIES.format(other), has_offset=alike)
-        weights_now = solution.weights / of_weights
-        node_weights, edge_weights = task.split(weights_now)
-        return replace(
-            self,
-            node_weights=node_weights.copy(),
-            edge_weights=edge_weights.copy(),
-            clique_weights=None if task.sets is None else task.set_weights(weights_now).copy(),
-            **learned_arrays(ready, record, solution.history, search, node_parts),
-            completion_objectives=objectives,
-        )
-
-    def _chosen(
-        self,
-        examples: Sequence[Example],
-        hidden: bool,
-        prepared: Callable[[str], tuple[PreparedProblems, MaxMarginProblem]],
-    ) -> tuple[str, float, NDArray[np.float64] | None]:
-        """The node features and the C that label held-out nodes best, and all scores."""
-        choices = self._node_choices([problem for problem, _ in examples])
+    def _selection(self, data: TrainingSet) -> Selection:
+        hidden = data.completes
+        choices = self._node_choices([problem for problem, _ in data.examples])
         if self._goes_on and self.C == "auto" and self.learning is not None:
-            return choices[0], float(self.summary["penalty"]), None
+            return _selected(choices[0], float(self.summary["penalty"]))
         n, of_offset = self.n_validation_blocks, OFFSET in parse_parts(choices[0])
         auto = OFFSET_PENALTIES if of_offset else AUTO_PENALTIES
         middle = OFFSET_PENALTY if of_offset else PENALTY
         penalties = penalties_of(self.C, auto)
         usual = middle if self.C == "auto" else penalties[0]
         if hidden and (self.C == "auto" or len(penalties) == 1):
-            return self._node_parts, usual, None
+            return _selected(self._node_parts, usual)
         if len(choices) * len(penalties) == 1:
-            return choices[0], usual, None
-        ready, task = prepared(self._node_parts if hidden else choices[0])
-        options = self._learner_options(task, hidden)[0]
+            return _selected(choices[0], usual)
+        ready, task = data.prepared(self._node_parts if hidden else choices[0])
         if hidden:
-            parts = np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
+            options = self._learner_options(task, hidden)[0]
+            parts = data.hidden_parts(n)
             if task.observed is not None:
                 parts[task.observed >= 0] = -1
             hiding = choose_completed(task, ready.labels, parts, penalties, ready.loss_of, options)
-            return self._node_parts, *hiding
-
-        def begin(part: NDArray[np.bool_], name: str, _: str) -> Path:
-            return held_out_path(prepared(name)[1], part, options)
-
-        kinds = choices, ("cutting-plane",)
+            return _selected(self._node_parts, *hiding)
         alone = None if task.offset is None else task.offset.argmax(axis=1)
-        found = choose(
-            task.labels,
-            task.loss > 0,
-            searched_parts(examples, n),
-            kinds,
-            penalties,
-            middle,
-            begin,
-            alone,
-            steps=np.concatenate([linked_steps(problem.graph) for problem, _ in examples]),
-        )
-        if found.weights is None:  # nothing could be held out
-            return choices[-1], usual, found.table
-        return found.best.node_features, found.best.penalty, found.table
+        kinds = choices, ("cutting-plane",)
+        choice = self._held_out_choice(data, kinds, penalties, middle, alone)
+        if choice.weights is None:  # nothing could be held out
+            return _selected(choices[-1], usual, choice.table)
+        return _selected(choice.best.node_features, choice.best.penalty, choice.table)
+
+    def _path(self, task: MaxMarginProblem, part: NDArray[np.bool_], learner: str) -> Path:  # noqa: ARG002
+        return held_out_path(task, part, self._learner_options(task, hidden=False)[0])
+
+    def _learn(self, data: TrainingSet, chosen: Selection, on_iteration: OnStep | None) -> Learned:
+        ready, task = data.prepared(chosen.candidate.node_features)
+        task = replace(task, penalty=chosen.candidate.penalty)
+        options, reason = self._learner_options(task, data.completes)
+        start, objectives = time.perf_counter(), None
+        if data.completes:
+            completed = learn_hidden(
+                task, ready.labels, ready.loss_of, options, on_iteration=on_iteration
+            )
+            solution, objectives = completed.solution, completed.objectives
+        else:
+            solution = learn(task, options, start=chosen.start, on_iteration=on_iteration)
+        seconds = time.perf_counter() - start
+        record = learning_record(task, solution, len(data.examples), seconds, options, reason)
+        other = "" if options.learner == "qp" else ", learner='qp'"
+        arrays = {"completion_objectives": objectives}
+        return Learned(solution, record, _REMEDIES.format(other), arrays)
 
     def learning_problem(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
@@ -313,12 +244,11 @@ class AssociativeMarkovNetwork(LinearModel):
         C is the first of several, 100 for ``auto``; features are not chosen.
         """
         penalty = PENALTY if self.C == "auto" else penalties_of(self.C, AUTO_PENALTIES)[0]
-        return self._task(
-            self._prepared(labelled_parts(problems, labelings), self._node_parts), penalty
-        )
+        ready = self._prepared(labelled_parts(problems, labelings), self._node_parts)
+        return replace(self._task(ready, None), penalty=penalty)
 
     def _task(
-        self, ready: PreparedProblems, penalty: float, counts: NDArray[np.float64] | None = None
+        self, ready: PreparedProblems, counts: NDArray[np.float64] | None
     ) -> MaxMarginProblem:
         """All maps as one weighted problem; unknown labels are 0, with a loss of 0."""
         kind = MaxMarginProblem if ready.offset is None else PottsMarginProblem
@@ -329,13 +259,19 @@ class AssociativeMarkovNetwork(LinearModel):
             np.maximum(ready.labels, 0),
             ready.n_labels,
             ready.loss,
-            penalty,
+            PENALTY,
             ready.sets,
             ready.observed,
             self._costs(ready.n_labels),
             ready.offset,
         )
         return task if counts is None else weighted(task, counts)
+
+    def _terms(self, task: MaxMarginProblem) -> MaxMarginProblem:
+        return task
+
+    def _weights_per_edge(self, ready: PreparedProblems) -> int:
+        return ready.n_labels if ready.offset is None else 1
 
     def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
         return node_features(problem, parse_parts(parts))
@@ -411,3 +347,10 @@ class AssociativeMarkovNetwork(LinearModel):
         finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
+
+
+def _selected(
+    node_parts: str, penalty: float, search: NDArray[np.float64] | None = None
+) -> Selection:
+    """A choice of node features and C; the learner follows from the problem's size."""
+    return Selection(Candidate(node_parts, "auto", penalty), "", search)

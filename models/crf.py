@@ -2,23 +2,20 @@
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.inference.backends import in_learned_order, learned
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_learning import LearningOptions
-from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
     FieldLearner,
     LearningTask,
@@ -31,18 +28,12 @@ from pgm_places.models.crf_learning import (
     needs_damping,
 )
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.held_out_choice import Candidate, Path, choose
-from pgm_places.models.label_order import learned_by_frequency
+from pgm_places.models.held_out_choice import Candidate, Path
 from pgm_places.models.labelled_examples import (
-    Example,
     held_out_parts,
-    labelled_parts,
-    labelled_weights,
-    linked_steps,
     penalties_of,
-    searched_parts,
 )
-from pgm_places.models.learning_record import REASONS, LearningRecord, warn_of_gap
+from pgm_places.models.learning_record import REASONS, LearningRecord
 from pgm_places.models.linear_features import (
     PreparedProblems,
     edge_features,
@@ -50,8 +41,9 @@ from pgm_places.models.linear_features import (
     field_features,
     with_auto,
 )
-from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
-from pgm_places.models.observed_labels import warns_of_few_labels, with_observed, without_observed
+from pgm_places.models.linear_model import require_edge_features
+from pgm_places.models.linear_training import Learned, Selection, TrainedLinearModel, TrainingSet
+from pgm_places.models.observed_labels import without_observed
 from pgm_places.options import Positive, Whole
 from pgm_places.options.marks import Gt, Lt, MinLen
 from pgm_places.solvers.adjacency import adjacency, is_forest
@@ -69,7 +61,7 @@ CHAIN_SCALE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class ConditionalRandomField(LinearModel):
+class ConditionalRandomField(TrainedLinearModel):
     """Joint labelling by learned node scores and learned scores of all pairs of labels.
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij``. The tables
@@ -147,6 +139,8 @@ class ConditionalRandomField(LinearModel):
     1.0
     """
 
+    _edge_array: ClassVar[str] = "tables"
+
     learner: Literal["auto", FieldLearner] = "auto"
     inference: Literal["auto"] | Decoder = "auto"
     C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = "auto"
@@ -161,171 +155,91 @@ class ConditionalRandomField(LinearModel):
 
     # ------------------------------------------------------------------ learning
 
-    @warns_of_few_labels
-    @learned_by_frequency
-    def fit(
-        self,
-        problems: Sequence[LabelingProblem],
-        labelings: Sequence[NDArray[np.int64]],
-        *,
-        sample_weight: Sequence[ArrayLike] | None = None,
-        on_iteration: OnStep | None = None,
-    ) -> Self:
-        """A new, fitted field.
-
-        Parameters
-        ----------
-        problems : sequence of LabelingProblem
-        labelings : sequence of (N,) int
-            The true label index of every node of each problem, -1 where it is unknown. Observed
-            labels of a problem (its ``known``) are evidence: learning conditions on them, or, if
-            all are observed, on folds of them (:mod:`pgm_places.models.observed_labels`).
-        sample_weight : sequence of float or (N,) float, optional
-            Weight of each problem, or of each of its nodes. The likelihood needs equal weights in
-            each connected part of a graph.
-        on_iteration : callable, optional
-            Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` during learning;
-            True stops it with the best weights so far.
-
-        Raises
-        ------
-        LabelError
-            A label without an example in any problem.
-        InputError
-            Problems and labellings do not match, features are missing, ``likelihood`` is used on a
-            graph with a cycle, or a learner does not support the weights.
-        """
-        hidden = self.unlabelled == "hidden"
-        counts = None if sample_weight is None else weights_of(sample_weight, problems)
+    def _targets(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> tuple[Sequence[LabelingProblem], Sequence[NDArray[np.int64]]]:
         if self.learner == "pseudo-likelihood":
-            problems, labelings = without_observed(problems, labelings)
-        problems, labelings, counts = with_observed(problems, labelings, counts)
-        examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
-        kept = None
-        if counts is not None:
-            kept = np.concatenate(labelled_weights(counts, labelings, with_unlabelled=hidden))
+            return without_observed(problems, labelings)
+        return problems, labelings
 
-        @cache
-        def prepared(parts: str) -> tuple[PreparedProblems, LearningTask]:
-            ready = self._prepared(examples, parts)
-            return ready, self._task(examples, ready, kept)
+    def _completes(self, *_: object) -> bool:
+        return self.unlabelled == "hidden"
 
-        chosen, reason, search, begin = self._chosen(examples, prepared)
-        node_parts, penalty = chosen.node_features, chosen.penalty
-        (ready, task), options = prepared(node_parts), self._options(chosen.learner)
-        start = time.perf_counter()
-        n_labels = ready.n_labels
-        flat_sizes = ready.sizes.of_weights(task.field.n_weights, n_labels, n_labels**2)
-        if begin is None:
-            begin = self._weights_to_begin_with("tables", flat_sizes, n_labels)
-        solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
-        weights, link_scales = solution.weights, None
-        if needs_damping(task, options.learner):
-            parts = self._parts_to_hold_out(examples)
-            share, link_scales = choose_link_scale(task, weights, parts, penalty, options)
-            [weights] = damped(task, weights, penalty, [share])
+    def _learn(self, data: TrainingSet, chosen: Selection, on_iteration: OnStep | None) -> Learned:
+        node_parts, learner, penalty = chosen.candidate
+        _, task = data.prepared(node_parts)
+        options, begin = self._options(learner), time.perf_counter()
+        solution = learn(task, penalty, options, start=chosen.start, on_iteration=on_iteration)
+        reached, link_scales = solution, None
+        if needs_damping(task, learner):
+            parts = self._parts_to_hold_out(data)
+            share, link_scales = choose_link_scale(task, solution.weights, parts, penalty, options)
+            [weights] = damped(task, solution.weights, penalty, [share])
+            solution = replace(solution, weights=weights)
             if not share:
-                _warn_of_links(options.learner)
+                _warn_of_links(learner)
         record = LearningRecord(
-            status=solution.status,
+            status=reached.status,
             penalty=penalty,
-            objective=solution.objective,
-            lower_bound=solution.lower_bound,
-            certified_objective=solution.certified,
-            iterations=solution.iterations,
-            seconds=time.perf_counter() - start,
+            objective=reached.objective,
+            lower_bound=reached.lower_bound,
+            certified_objective=reached.certified,
+            iterations=reached.iterations,
+            seconds=time.perf_counter() - begin,
             certificate_seconds=0.0,
             n_nodes=task.field.n_nodes,
             n_edges=task.field.around.n_edges,
-            n_maps=len(examples),
-            learner=chosen.learner,
-            reason=reason,
+            n_maps=len(data.examples),
+            learner=learner,
+            reason=chosen.reason,
         )
-        warn_of_gap(record, self.scale, _REMEDIES)
-        weights = weights / flat_sizes
-        node_weights, tables = task.field.split(weights)
-        of_cliques = None if task.field.sets is None else task.field.set_weights(weights).copy()
-        return replace(
-            self,
-            node_weights=node_weights.copy(),
-            tables=tables.copy(),
-            clique_weights=of_cliques,
-            by_margin=np.array([options.learner == "max-margin"]),
-            **learned_arrays(ready, record, solution.history, search, node_parts),
-            link_scales=link_scales,
-        )
+        arrays = {"by_margin": np.array([learner == "max-margin"]), "link_scales": link_scales}
+        return Learned(solution, record, _REMEDIES, arrays)
 
-    def _chosen(
-        self,
-        examples: Sequence[Example],
-        prepared: Callable[[str], tuple[PreparedProblems, LearningTask]],
-    ) -> tuple[Candidate, str, NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """The options that label held-out nodes best, the learner's reason, all scores, a start."""
-        choices = self._node_choices([problem for problem, _ in examples])
+    def _selection(self, data: TrainingSet) -> Selection:
+        choices = self._node_choices([problem for problem, _ in data.examples])
         plain = choices[0] if self.node_features == "auto" else self._node_parts
         penalties = penalties_of(self.C, AUTO_PENALTIES)
-        task = prepared(plain)[1]
+        task = data.prepared(plain)[1]
         learners, reason = learners_to_compare(self.learner, task)
         if self._goes_on and self.learning is not None:
             before = self.summary
             learner = before["learner"] if before["learner"] in learners else learners[0]
             penalty = before["penalty"] if self.C == "auto" else penalties[0]
-            return Candidate(plain, learner, penalty), reason, None, None
+            return Selection(Candidate(plain, learner, penalty), reason)
         usual = Candidate(plain, learners[0], PENALTY if self.C == "auto" else penalties[0])
-        hides = bool((task.labels < 0).any())
+        hides, is_one = bool((task.labels < 0).any()), len(data.examples) == 1
         if self.C == "auto" and (
-            (hides and (len(examples) == 1 or not task.field.is_forest))
-            or needs_damping(task, learners[0])
+            (hides and (is_one or not task.field.is_forest)) or needs_damping(task, learners[0])
         ):
-            return usual, reason, None, None
-        options = self._options(learners[0])
-        if hides and len(examples) == 1 and len(penalties) > 1:
-            parts = self._hidden_parts(examples)
-            penalty, table = choose_by_hiding(task, parts, penalties, options)
-            return usual._replace(penalty=penalty), reason, table, None
+            return Selection(usual, reason)
+        if hides and is_one and len(penalties) > 1:
+            parts = data.hidden_parts(self.n_validation_blocks)
+            penalty, table = choose_by_hiding(task, parts, penalties, self._options(learners[0]))
+            return Selection(usual._replace(penalty=penalty), reason, table)
         if len(learners) * len(penalties) == 1:
-            return usual, reason, None, None
-
-        def begin(part: NDArray[np.bool_], name: str, learner: str) -> Path:
-            return held_out_path(prepared(name)[1], part, self._options(learner))
-
+            return Selection(usual, reason)
         kinds = choices if len(penalties) > 1 else (plain,), learners
-        found = choose(
-            task.labels,
-            task.loss > 0,
-            searched_parts(examples, self.n_validation_blocks),
-            kinds,
-            penalties,
-            PENALTY,
-            begin,
-            steps=np.concatenate([linked_steps(problem.graph) for problem, _ in examples]),
-        )
-        if found.weights is None:
-            return usual, REASONS[6] if len(learners) > 1 else reason, found.table, None
-        return found.best, reason, found.table, None if hides else found.weights
+        choice = self._held_out_choice(data, kinds, penalties, PENALTY)
+        if choice.weights is None:
+            return Selection(usual, REASONS[6] if len(learners) > 1 else reason, choice.table)
+        return Selection(choice.best, reason, choice.table, None if hides else choice.weights)
 
-    def _parts_to_hold_out(self, examples: Sequence[Example]) -> NDArray[np.int64]:
-        if any((truth < 0).any() for _, truth in examples):
-            return self._hidden_parts(examples)
-        return held_out_parts(examples, self.n_validation_blocks)
+    def _path(self, task: LearningTask, part: NDArray[np.bool_], learner: str) -> Path:
+        return held_out_path(task, part, self._options(learner))
 
-    def _hidden_parts(self, examples: Sequence[Example]) -> NDArray[np.int64]:
-        n = self.n_validation_blocks
-        return np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
+    def _parts_to_hold_out(self, data: TrainingSet) -> NDArray[np.int64]:
+        if any((truth < 0).any() for _, truth in data.examples):
+            return data.hidden_parts(self.n_validation_blocks)
+        return held_out_parts(data.examples, self.n_validation_blocks)
 
-    def _task(
-        self,
-        examples: Sequence[Example],
-        ready: PreparedProblems,
-        counts: NDArray[np.float64] | None,
-    ) -> LearningTask:
-        chains = all(problem.graph.is_chain for problem, _ in examples)
+    def _task(self, ready: PreparedProblems, counts: NDArray[np.float64] | None) -> LearningTask:
         field = TableField(
             ready.nodes,
             adjacency(len(ready.labels), ready.edges),
             ready.edge_features,
             ready.n_labels,
-            not chains if self.tables_tell == "auto" else self.tables_tell == "pair",
+            not ready.are_chains if self.tables_tell == "auto" else self.tables_tell == "pair",
             ready.sets,
         )
         costs = self._costs(ready.n_labels)
@@ -333,6 +247,12 @@ class ConditionalRandomField(LinearModel):
             field, ready.labels, ready.loss, ready.loss_of, observed=ready.observed, costs=costs
         )
         return task if counts is None else task.weighing(counts)
+
+    def _terms(self, task: LearningTask) -> TableField:
+        return task.field
+
+    def _weights_per_edge(self, ready: PreparedProblems) -> int:
+        return ready.n_labels**2
 
     def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
         return field_features(problem, parts)
@@ -414,5 +334,5 @@ def _warn_of_links(learner: str) -> None:
         f"the links learned by {learner} label held-out nodes no better than each node by itself, "
         "and are left out; take learner='max-margin'",
         LearningWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

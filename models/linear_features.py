@@ -54,6 +54,8 @@ class PreparedProblems(NamedTuple):
     loss_of: LossOf
     """Labels (n,) -> cost of a wrong label at each node, for completed labels."""
     n_labels: int
+    are_chains: bool
+    """Whether all graphs are chains."""
     offset: NDArray[np.float64] | None = None
     """(N, K) fixed scores of the nodes."""
 

@@ -1,6 +1,5 @@
 """Base class of linear structured models: shared options, learned arrays, record of learning."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -15,7 +14,6 @@ from pgm_places._checks import (
     learned_number,
     require_type,
     set_frozen,
-    stacked_rows,
 )
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import LearnedNames, Traits, in_learned_order, learned
@@ -24,13 +22,9 @@ from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.models.cliques import (
     check_clique_weights,
-    clique_sizes,
-    clique_terms,
     decode_cliques_as,
     learned_rewards,
-    require_like_cliques,
 )
-from pgm_places.models.completion import LossOf
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
 from pgm_places.models.held_out_choice import (
@@ -38,25 +32,17 @@ from pgm_places.models.held_out_choice import (
     check_choices,
     choice_record,
     choice_words,
-    node_choice,
 )
-from pgm_places.models.labelled_examples import ClassWeight, Example, node_losses
-from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
+from pgm_places.models.labelled_examples import ClassWeight
+from pgm_places.models.learning_record import LENGTHS, LearningRecord
 from pgm_places.models.linear_features import (
-    OFFSET,
-    PreparedProblems,
-    TermSizes,
-    node_offset,
     parse_edge_features,
     parse_node_features,
     resolved_edges,
 )
-from pgm_places.models.observed_labels import mask_observed_losses, observed_labels
 from pgm_places.options import AtLeastZero, Positive, Whole, check_options
 from pgm_places.options.marks import Ge, Gt, Le, Lt
-from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import checked_costs
-from pgm_places.solvers.set_terms import SetTerms
 
 
 @travels
@@ -218,80 +204,6 @@ class LinearModel(LearnedNames):
         costs = checked_costs(self.loss, n_labels)
         return costs * (n_labels * (n_labels - 1) / costs.sum())
 
-    def _loss_of(self, names: Sequence[str]) -> LossOf:
-        """Cost of a wrong label at nodes with these true labels."""
-        weight = self.class_weight if self.loss == "class-weighted" else "none"
-        return lambda labels: node_losses(labels, names, weight)
-
-    @abstractmethod
-    def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
-        """(N, D) the node features of a problem before they are scaled."""
-
-    @abstractmethod
-    def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(E, F) the edge features of a problem, unscaled."""
-
-    @abstractmethod
-    def _edge_sizes(self, problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
-        """(F,) divisors of the edge features during learning."""
-
-    def _prepared(self, examples: Sequence[Example], parts: str) -> PreparedProblems:
-        """The training problems as one, with node features of these ``parts``."""
-        problems = [problem for problem, _ in examples]
-        require_like_cliques(problems)
-        raw = [self._node_columns(problem, parts) for problem in problems]
-        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
-        of_cliques = clique_sizes(problems)
-        if self.scale == "none":
-            of_cliques = np.ones_like(of_cliques)
-        sizes = TermSizes(self._edge_sizes(problems), of_cliques)
-        starts = np.cumsum([0, *(problem.graph.n_nodes for problem in problems[:-1])])
-        edges = [p.graph.edges + start for p, start in zip(problems, starts, strict=True)]
-        sets = [clique_terms(problem, self.clique_dissent, of_cliques) for problem in problems]
-        labels = np.concatenate([truth for _, truth in examples])
-        observed = observed_labels(problems)
-        loss_of, loss = self._loss_of(problems[0].label_names), np.zeros(len(labels))
-        loss[labels >= 0] = loss_of(labels[labels >= 0])
-        return PreparedProblems(
-            scaling,
-            sizes,
-            scaling.apply(stacked_rows(raw)),
-            np.concatenate(edges),
-            np.concatenate([self._edge_columns(problem) for problem in problems]) / sizes.edges,
-            SetTerms.beside([each for each in sets if each is not None], starts),
-            labels,
-            mask_observed_losses(loss, observed),
-            observed,
-            loss_of,
-            problems[0].n_labels,
-            self._offset(problems, parts),
-        )
-
-    def _offset(
-        self, problems: Sequence[LabelingProblem], parts: str
-    ) -> NDArray[np.float64] | None:
-        """(N, K) fixed scores of all nodes, None without an offset."""
-        names = parse_node_features(parts, with_offset=True)
-        found = [node_offset(problem, names) for problem in problems]
-        return np.concatenate([x for x in found if x is not None]) if OFFSET in names else None
-
-    def _weights_to_begin_with(
-        self, of_edges: str, sizes: NDArray[np.float64], n_labels: int, *, alike: bool = False
-    ) -> NDArray[np.float64] | None:
-        """The warm start: a flat vector times ``sizes``, one edge weight if ``alike``; or None."""
-        if not self._goes_on:
-            return None
-        parts = self._learned("node_weights", of_edges)
-        parts[1] = parts[1][:, :1] if alike else parts[1]
-        of_cliques = [] if self.clique_weights is None else [self.clique_weights]
-        weights = np.concatenate([part.ravel() for part in (*parts, *of_cliques)])
-        if len(weights) != len(sizes) or parts[0].shape[1] != n_labels:
-            raise InputError(
-                "warm_start needs problems with the model's labels and features: it has "
-                f"{len(weights)} weights, these problems need {len(sizes)}"
-            )
-        return weights * sizes
-
     def _scaling(self) -> Standardization:
         count, columns, mean, scale = self._learned(
             "n_features", "feature_columns", "feature_mean", "feature_scale"
@@ -348,25 +260,3 @@ def require_edge_features(count: int, n_known: int) -> None:
             f"the model was trained on {n_known} edge features, this problem has {count}; "
             "compute them as for training"
         )
-
-
-def learned_arrays(
-    ready: PreparedProblems,
-    record: LearningRecord,
-    history: tuple[LearningStep, ...],
-    search: NDArray[np.float64] | None,
-    node_parts: str,
-) -> dict[str, Any]:
-    """Learned arrays other than the weights, by the names of :class:`LinearModel`."""
-    scaling = ready.scaling
-    return {
-        "feature_columns": scaling.columns,
-        "feature_mean": scaling.mean,
-        "feature_scale": scaling.scale,
-        "feature_clip": np.array([scaling.clip]),
-        "n_features": np.array([scaling.n_columns], np.int64),
-        "learning": record.to_array(),
-        "learning_history": history_array(history),
-        "penalty_search": search,
-        "node_choice": np.array([node_choice(node_parts)], np.int64),
-    }
