@@ -76,7 +76,7 @@ def read_label_values(
             raise file.fail(
                 f"label {quoted(name)} is not among the configured labels. "
                 f"{nearest_name(name, wanted)}. Correct the name, add it to the configured labels, "
-                "or move its value under 'ignore'"
+                "map it to one of them with 'classes', or move its value under 'ignore'"
             )
     for name in wanted:
         if name not in values:

@@ -324,3 +324,13 @@ def test_a_missing_image_is_named_before_its_names(tmp_path: Path) -> None:
     for name in ("labels.png", "floor.png"):
         with pytest.raises(LabelError, match=f"{name}: no such file; expected a label image"):
             load_labels(tmp_path / name, ("room",), grid=grid)
+
+
+def test_a_name_that_is_not_configured_can_be_mapped(tmp_path: Path) -> None:
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), resolution_m=1)
+    save_labels(tmp_path / "labels.png", np.zeros((2, 2), np.int16), ("hall",))
+    with pytest.raises(LabelError, match="map it to one of them with 'classes'"):
+        load_labels(tmp_path / "labels.png", ("corridor",), grid=grid)
+    classes = {"hall": "corridor"}
+    mapped = load_labels(tmp_path / "labels.png", ("corridor",), grid=grid, classes=classes)
+    assert not mapped.any()
