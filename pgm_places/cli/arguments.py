@@ -1,10 +1,13 @@
-"""Parameters that several commands take, and the maps and label images that they name."""
+"""Parameters that several commands take, and the maps, label images and places that they name."""
 
+from contextlib import suppress
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import pgm_places as pp
 from pgm_places.cli.declarations import Argument, Option
+from pgm_places.errors import InputError
 from pgm_places.options import UnknownGrey, Whole
 
 if TYPE_CHECKING:
@@ -72,3 +75,16 @@ def read_labels(
 
     names = listed_names(path, names_path)
     return names, pp.load_labels(path, names, grid=grid, names_path=names_path)
+
+
+def place_key(text: str) -> int | str:
+    """A place by its id or name."""
+    return int(text) if text.isdecimal() else text
+
+
+def metres(text: str) -> float:
+    """The X of a position."""
+    with suppress(ValueError):
+        if isfinite(x := float(text)):
+            return x
+    raise InputError(f"X must be a finite number, got {text!r}")

@@ -2,8 +2,7 @@
 
 import shlex
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from math import isfinite
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +14,8 @@ from pgm_places.cli.arguments import (
     Places,
     Quiet,
     UnknownValue,
+    metres,
+    place_key,
     read_labels,
     read_map,
 )
@@ -233,7 +234,7 @@ def where(
     from pgm_places.topology.regions import extent
 
     topology = load_named_topology(folder)
-    region = topology.place(_key(place)) if y is None else topology.region_at(_metres(place), y)
+    region = topology.place(place_key(place)) if y is None else topology.region_at(metres(place), y)
     if region is None:
         say("no place at this position")
         raise SystemExit(EXIT_NOT_FOUND)
@@ -267,7 +268,7 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
     from pgm_places.topology.place_edits import renamed
 
     topology = load_named_topology(folder)
-    region = topology.place(_key(place))
+    region = topology.place(place_key(place))
     edited = renamed(topology, {region.id: name})  # fails if another place has this name
     exports = [request.renamed(region.name, name) for request in recorded_exports(folder)]
     changed = []
@@ -315,7 +316,7 @@ def merge(folder: Places, first: Place, second: Annotated[str, Argument("OTHER")
     from pgm_places.topology.place_edits import merged
 
     topology = load_named_topology(folder)
-    _write(folder, topology, merged(topology, _key(first), _key(second)), "merge")
+    _write(folder, topology, merged(topology, place_key(first), place_key(second)), "merge")
 
 
 def split(
@@ -342,29 +343,16 @@ def split(
     if place is None:
         edited = place_edits.split_all_apart(topology)
     elif not points:
-        edited = place_edits.split_apart(topology, _key(place))
+        edited = place_edits.split_apart(topology, place_key(place))
     elif len(points) == 2:
-        edited = place_edits.split_at(topology, _key(place), points)
+        edited = place_edits.split_at(topology, place_key(place), points)
     elif len(points) == 4:
-        edited = place_edits.split_across(topology, _key(place), points[:2], points[2:])
+        edited = place_edits.split_across(topology, place_key(place), points[:2], points[2:])
     else:
         raise InputError(
             f"split expects a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"
         )
     _write(folder, topology, edited, "split")
-
-
-def _key(text: str) -> int | str:
-    """A place by its id or name."""
-    return int(text) if text.isdecimal() else text
-
-
-def _metres(text: str) -> float:
-    """The X of a position."""
-    with suppress(ValueError):
-        if isfinite(x := float(text)):
-            return x
-    raise InputError(f"X must be a finite number, got {text!r}")
 
 
 def _write(folder: Path, before: "TopologicalMap", after: "TopologicalMap", by: str) -> None:
