@@ -5,8 +5,10 @@ generated buildings, and robot-like copies of all drawn ones. ``train --kept FOL
 network for each fold of buildings, which it never sees, in turn; it resumes where it stopped, and
 writes the learning curve to ``FOLDER/curve.csv``. ``measure --kept FOLDER`` labels every map of
 DATA/robots with the network that has not seen its building beside the shipped lists, and prints
-the figures by kind. ``ship --kept FOLDER`` puts the networks into the model ``default``. Training
-needs the extra ``train``. PGM_PLACES_DATA names the folder of the real maps.
+the figures by kind. ``ship --kept FOLDER`` puts the networks into the model ``default``. With
+``--continued`` at every step, training starts from the first shipped network of the fold, and both
+networks are measured and shipped. Training needs the extra ``train``. PGM_PLACES_DATA names the
+folder of the real maps.
 """
 
 import argparse
@@ -46,11 +48,11 @@ def main(argv: list[str] | None = None) -> None:
     elif given.step == "measure":
         from experiments.floor_network.held_out import measure
 
-        measure(data, given.kept, progress)
+        measure(data, given.kept, progress, continued=given.continued)
     else:
         from experiments.floor_network.held_out import ship
 
-        ship(given.kept)
+        ship(given.kept, continued=given.continued)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Maps labelled with networks that have not seen their buildings, and the shipped networks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,19 +21,19 @@ from pgm_places.unary.floor_model import FloorModel
 LISTS = "adaboost"
 """The method of the shipped model that is the lists alone."""
 
-VIEWS = 4
-"""Sides from which each of the shipped networks looks at a map."""
+_VIEWS, _VIEWS_ALONE = 16, 8
+"""Number of views of a map by all shipped networks, and by those without its building."""
 
 DEPTHS_M = (None, 0.4)
 """How deep doorways are labelled: as learned, and as the labels of robots' maps have them."""
 
-_VIEWS_ALONE = 8
-"""The same for the one network that has not seen a building."""
 
+def networks(kept: Path, *, continued: bool = False) -> list[tuple[FloorNetwork, ...]]:
+    """The networks of each fold: the running average of the weights, as it is shipped.
 
-def networks(kept: Path) -> list[FloorNetwork]:
-    """The network of each fold: the running average of its weights, as it is shipped."""
-    found = []
+    After continued training, the shipped network from which it began comes first.
+    """
+    folds: list[tuple[FloorNetwork, ...]] = []
     for fold in range(N_FOLDS):
         with np.load(network_file(kept, fold), allow_pickle=False) as file:
             weights = {
@@ -41,15 +41,23 @@ def networks(kept: Path) -> list[FloorNetwork]:
                 for name in file.files
                 if name.startswith("averaged/")
             }
-        found.append(FloorNetwork.unpacked(FloorNetwork(weights).packed()))
-    return found
+        network = FloorNetwork.unpacked(FloorNetwork(weights).packed())
+        folds.append((_shipped()[fold], network) if continued else (network,))
+    return folds
+
+
+def _shipped() -> tuple[FloorNetwork, ...]:
+    """The shipped networks: one of each fold, and then further ones in the same order."""
+    floor = trained_labeler().unary_model_.floor
+    assert floor is not None  # the shipped model has networks
+    return floor.networks
 
 
 def with_networks(
-    labeler: PlaceLabeler, some: list[FloorNetwork], views: int = VIEWS
+    labeler: PlaceLabeler, networks: Sequence[FloorNetwork], n_views: int = _VIEWS_ALONE
 ) -> PlaceLabeler:
     """The labeler with networks for all its methods that see spaces, but for the lists alone."""
-    floor = FloorModel(tuple(some), views_per_network=views)
+    floor = FloorModel(tuple(networks), views_per_network=n_views // len(networks))
     found = labeler.with_options(floor=floor)
     found.unary_model_ = replace(labeler.unary_model_, floor=floor)
     found.methods_ = found.methods = {
@@ -60,23 +68,16 @@ def with_networks(
 
 
 def shipped_without() -> Callable[[str], PlaceLabeler]:
-    """The shipped model for a map of DATA/robots, without the networks that learned its building.
-
-    The one network that did not sees the map from eight sides.
-    """
-    labeler, maps = trained_labeler(), declared()
-    assert labeler.unary_model_.floor is not None  # the shipped model has networks
-    alone = [
-        with_networks(labeler, [network], _VIEWS_ALONE)
-        for network in labeler.unary_model_.floor.networks
-    ]
+    """The shipped model for a map of DATA/robots, with the networks of its fold alone."""
+    labeler, maps, shipped = trained_labeler(), declared(), _shipped()
+    alone = [with_networks(labeler, shipped[fold::N_FOLDS]) for fold in range(N_FOLDS)]
     return lambda name: alone[maps[name].fold]
 
 
-def measure(data: Path, kept: Path, progress: Progress) -> None:
-    """Print the figures of robots' maps by kind, each with the network of its fold."""
+def measure(data: Path, kept: Path, progress: Progress, *, continued: bool = False) -> None:
+    """Print the figures of robots' maps by kind, each with the networks of its fold."""
     labeler, declaration = trained_labeler(), declared()
-    labelers = [with_networks(labeler, [network], _VIEWS_ALONE) for network in networks(kept)]
+    labelers = [with_networks(labeler, fold) for fold in networks(kept, continued=continued)]
     figures: dict[float | None, list[MapFigures]] = {depth: [] for depth in DEPTHS_M}
     pairs = []
     maps = list(robot_maps(data))
@@ -98,10 +99,14 @@ def measure(data: Path, kept: Path, progress: Progress) -> None:
     write_sheets(kept, pairs)
 
 
-def ship(kept: Path) -> None:
+def ship(kept: Path, *, continued: bool = False) -> None:
     """Write the model ``default`` with all networks; its record says how they were trained."""
     stored = stored_labeler(DEFAULT)
+    folds = networks(kept, continued=continued)
+    ordered = [network for generation in zip(*folds, strict=True) for network in generation]
     record = {**stored.record, "floor": {"command": "python -m experiments.floor_network"}}
     with np.load(network_file(kept, 0), allow_pickle=False) as file:
         record["floor"]["steps"] = int(file["steps"])
-    save(with_networks(stored.item, networks(kept)), model_folder(DEFAULT), record=record)
+    if continued:
+        record["floor"]["continued"] = stored.record["floor"]
+    save(with_networks(stored.item, ordered, _VIEWS), model_folder(DEFAULT), record=record)

@@ -88,7 +88,7 @@ def floor_of_drives() -> FloorModel:
 def networks_of_towns(data: Path, folder: Path) -> dict[str, FloorModel]:
     """For each of the campaign's buildings, the network that was trained without it."""
     fold, items = fold_of(list(all_floors(data))), networks(folder)
-    return {name: FloorModel((items[fold[name]],), views_per_network=1) for name in TOWNS.values()}
+    return {name: FloorModel(items[fold[name]], views_per_network=1) for name in TOWNS.values()}
 
 
 def tables(
