@@ -82,7 +82,7 @@ def trained_floor() -> "FloorModel":
     Examples
     --------
     >>> len(trained_floor().networks)
-    4
+    8
     """
     floor: FloorModel | None = trained_labeler(DEFAULT).unary_model_.floor
     assert floor is not None  # the package ships them

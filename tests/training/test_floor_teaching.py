@@ -22,7 +22,7 @@ CONFIG = {
 def test_a_method_asks_for_the_networks() -> None:
     labeler = make_labeler(parse_config(CONFIG))
     assert labeler.floor is not None
-    assert len(labeler.floor.networks) == 4
+    assert len(labeler.floor.networks) == 8
     without = CONFIG | {"methods": [{"name": "potts"}]}
     assert make_labeler(parse_config(without)).floor is None
 
