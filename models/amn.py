@@ -277,7 +277,7 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
         return node_features(problem, parse_parts(parts))
 
     def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
-        found = super()._node_choices(problems)
+        choices = super()._node_choices(problems)
         is_open = self.node_features == self.C == "auto" and not self._goes_on
         layouts = [each.graph.layout for each in problems]
         is_mapped = all(
@@ -285,8 +285,8 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
             for one in layouts
         )
         if not (is_open and is_mapped) or any(each.unary is None for each in problems):
-            return found
-        return tuple(f"offset+{name}" for name in (found if len(found) > 1 else ("logz",)))
+            return choices
+        return tuple(f"offset+{name}" for name in (choices if len(choices) > 1 else ("logz",)))
 
     def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
         features = edge_features(problem, self.edge_features)

@@ -126,10 +126,10 @@ def known_lengths(
     if lengths == "usual":
         placed = [item for item in problems if item.graph.positions_m is not None]
         return [np.asarray(step_lengths(item, "positions")) for item in placed]
-    found = [np.asarray(step_lengths(item, lengths)) for item in problems]
-    if not any(part.any() for part in found):
+    of_chains = [np.asarray(step_lengths(item, lengths)) for item in problems]
+    if not any(part.any() for part in of_chains):
         raise InputError("all steps have length 0: transitions by step length need lengths above 0")
-    return found
+    return of_chains
 
 
 class ChainTransitions(StepFilter):
@@ -210,11 +210,11 @@ class ChainTransitions(StepFilter):
 
     def _filter_of(self, parts: int) -> ForwardFilter:
         """The filter for a step of ``parts * FINEST`` usual lengths."""
-        found = self._filters.get(parts)
-        if found is None:
-            found = ForwardFilter(self._start(), self._by_length(np.array([FINEST * parts])))
-            self._filters[parts] = found
-        return found
+        forward = self._filters.get(parts)
+        if forward is None:
+            forward = ForwardFilter(self._start(), self._by_length(np.array([FINEST * parts])))
+            self._filters[parts] = forward
+        return forward
 
     @cached_property
     def _filters(self) -> dict[int, ForwardFilter]:

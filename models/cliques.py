@@ -252,10 +252,10 @@ def require_like_cliques(problems: Sequence[LabelingProblem]) -> None:
     """Raise InputError unless all problems have cliques with equal features, or none has any."""
     counts = [clique_features(problem).shape[1] for problem in problems]
     if len(set(counts)) > 1:
-        found = [_feature_words(n) for n in counts]
+        words = [_feature_words(n) for n in counts]
         raise InputError(
             f"training problems must all have cliques with the same features, or none of them, got "
-            f"{', '.join(found)}; for a problem without sets pass Cliques.of([], n_nodes)"
+            f"{', '.join(words)}; for a problem without sets pass Cliques.of([], n_nodes)"
         )
 
 

@@ -314,10 +314,10 @@ def held_out_path(task: LearningTask, part: NDArray[np.bool_], options: Learning
 
     def at(penalty: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         nonlocal cuts, start
-        found = learn(rest, penalty, quick, cuts=cuts, start=start)
-        cuts = found.cuts  # cuts are valid at any C
-        start = None if options.learner == "max-margin" else found.weights
-        return _labels_at(held_out, found.weights), found.weights
+        solution = learn(rest, penalty, quick, cuts=cuts, start=start)
+        cuts = solution.cuts  # cuts are valid at any C
+        start = None if options.learner == "max-margin" else solution.weights
+        return _labels_at(held_out, solution.weights), solution.weights
 
     return at
 

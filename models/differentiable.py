@@ -31,23 +31,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ValueAndGradient:
-    """A value that depends on potentials, and its derivatives.
-
-    Parameters
-    ----------
-    value : float
-    unary : (N, K) float
-        Derivative with respect to ``Potentials.unary``.
-    pairwise : (E, K, K) float
-        Derivative with respect to the table of each edge, in the order of ``graph.edges``.
-    kind : {"exact", "upper bound", "lower bound", "approximate"}
-        Whether the value is exact, a bound, or neither is proved; the gradient is of this value.
-    """
+    """A value that depends on potentials, and its derivatives."""
 
     value: float
     unary: Array
+    """(N, K) derivative with respect to ``Potentials.unary``."""
     pairwise: Array
+    """(E, K, K) derivative with respect to each edge's table, in the order of ``graph.edges``."""
     kind: Kind
+    """Whether the value is exact, a bound, or neither is proved; the gradient is of this value."""
 
     @property
     def shared_pairwise(self) -> Array:
@@ -272,8 +264,8 @@ def entropy(graph: LabelGraph, potentials: Potentials) -> float:
     >>> round(entropy(graph, Potentials(np.zeros((2, 2)))), 4)  # 2 log 2
     1.3863
     """
-    found = _marginals(graph, potentials)
-    return found.value - _expected_score(found, graph, potentials)
+    exact = _marginals(graph, potentials)
+    return exact.value - _expected_score(exact, graph, potentials)
 
 
 def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> float:
@@ -300,13 +292,13 @@ def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> f
 
 def _marginals(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient:
     """The exact log Z and marginals, for quantities that have no bound here."""
-    found = _exact(graph, checked_potentials(graph, potentials))
-    if found is None:
+    exact = _exact(graph, checked_potentials(graph, potentials))
+    if exact is None:
         raise InputError(
             f"entropy and divergence need exact marginals, and this graph of {graph.n_nodes} nodes "
             f"and {graph.n_edges} edges would need too much memory; use a graph of lower treewidth"
         )
-    return found
+    return exact
 
 
 def _expected_score(
@@ -330,15 +322,15 @@ def _indicators(graph: LabelGraph, labels: NDArray[np.int64], k: int) -> tuple[A
 
 
 def _forests(graphs: Sequence[LabelGraph], potentials: Sequence[Potentials]) -> list[int]:
-    """Whether each graph has no cycle and as many labels as the first such graph."""
+    """Indices of the graphs without cycles that have as many labels as the first of them."""
     from pgm_places.solvers.adjacency import adjacency, is_forest
 
-    found: list[int] = []
+    forests: list[int] = []
     for k, graph in enumerate(graphs):
-        alike = not found or potentials[k].n_labels == potentials[found[0]].n_labels
+        alike = not forests or potentials[k].n_labels == potentials[forests[0]].n_labels
         if alike and is_forest(adjacency(graph.n_nodes, graph.edges)):
-            found.append(k)
-    return found
+            forests.append(k)
+    return forests
 
 
 def _exact_forests(

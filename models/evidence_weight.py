@@ -146,15 +146,15 @@ def best_weights(
     counts = None if node_weights is None else np.concatenate(node_weights)[known]
 
     def tried_with(balance: float) -> list[FittedWeights]:
-        found = []
+        candidates = []
         for weight in sorted(weights, reverse=True):
             answers = np.concatenate([labels_at(weight, balance, item) for item in problems])
             if is_enough is not None and not is_enough(answers[known]):
                 continue
             confusion = confusion_matrix(truth[known], answers[known], weights=counts)
             right, balanced = float(accuracy(confusion)), float(balanced_accuracy(confusion))
-            found.append(FittedWeights(weight, balance, right, balanced))
-        return found
+            candidates.append(FittedWeights(weight, balance, right, balanced))
+        return candidates
 
     plain, *further = sorted(balances)
     tried = tried_with(plain)

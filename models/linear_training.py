@@ -286,8 +286,8 @@ class TrainedLinearModel(LinearModel):
     ) -> NDArray[np.float64] | None:
         """(N, K) fixed scores of all nodes, None without an offset."""
         names = parse_node_features(parts, with_offset=True)
-        found = [node_offset(problem, names) for problem in problems]
-        return np.concatenate([x for x in found if x is not None]) if OFFSET in names else None
+        offsets = [node_offset(problem, names) for problem in problems]
+        return np.concatenate([x for x in offsets if x is not None]) if OFFSET in names else None
 
     def _weights_to_begin_with(
         self, sizes: NDArray[np.float64], ready: PreparedProblems

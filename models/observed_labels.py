@@ -203,8 +203,8 @@ def fault_on_few_labels(
     if labelled.sum() < LEAST_LABELLED or share > 0.5:
         return None
     of_graph = f"{100 * share:.0f} % of the nodes are labelled, and the learned field"
-    found = np.bincount(fitted.infer(problem).labels[~labelled], minlength=problem.n_labels)
-    taken, first = found.max() / found.sum(), int(found.argmax())
+    counts = np.bincount(fitted.infer(problem).labels[~labelled], minlength=problem.n_labels)
+    taken, first = counts.max() / counts.sum(), int(counts.argmax())
     limit = 1.0 if describes_nodes(problem) else NEARLY_ALL
     if taken >= limit and (whole[labelled] == first).mean() <= MOST:
         name = problem.label_names[first]

@@ -99,10 +99,10 @@ class MarginProblem(ABC):
     def node_costs(self, n_labels: int) -> NDArray[np.float64]:
         """(N, K) cost of each label at each node, plus its lead in the offset over the truth."""
         costs = 1.0 - np.eye(n_labels) if self.costs is None else self.costs
-        found: NDArray[np.float64] = self.loss[:, None] * costs[self.labels]
+        by_label: NDArray[np.float64] = self.loss[:, None] * costs[self.labels]
         if self.offset is not None:
-            found += self.offset - self.offset[np.arange(self.n_nodes), self.labels][:, None]
-        return found
+            by_label += self.offset - self.offset[np.arange(self.n_nodes), self.labels][:, None]
+        return by_label
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
@@ -316,13 +316,13 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
 
 def checked_costs(costs: ArrayLike, n_labels: int) -> NDArray[np.float64]:
     """Costs (K, K) of predicting the column's label where the row's is true, checked."""
-    found = finite_array("the costs of confusing labels", costs, (n_labels, n_labels))
-    if found.min() < 0 or np.diag(found).any() or not found.any():
+    table = finite_array("the costs of confusing labels", costs, (n_labels, n_labels))
+    if table.min() < 0 or np.diag(table).any() or not table.any():
         raise InputError(
             "costs[true, taken] must be 0 on the diagonal, at least 0 elsewhere, and not all 0; "
-            f"got {found.tolist()}"
+            f"got {table.tolist()}"
         )
-    return found
+    return table
 
 
 def _sums_by_label(

@@ -118,9 +118,11 @@ def max_margin_qp(
         status, iterations = _attempt(state, name, tolerance, left)
         statuses.append(f"{name}: {status}")
         if status in ("optimal", "optimal_inaccurate", "time_limit", "stopped"):
-            found = state.solution(iterations)
-            found = replace(found, history=(*state.history, *found.history))
-            return replace(found, status=status) if status in ("time_limit", "stopped") else found
+            learned = state.solution(iterations)
+            learned = replace(learned, history=(*state.history, *learned.history))
+            if status in ("time_limit", "stopped"):
+                learned = replace(learned, status=status)
+            return learned
         _logger.warning("the QP's solver %s ended with status %s", name, status)
     raise SolverError(f"no solver solved the learning QP ({'; '.join(statuses)})")
 
@@ -152,8 +154,8 @@ def _free_bytes() -> int | None:
     """Available memory in bytes; None if the system does not report it."""
     try:
         with Path("/proc/meminfo").open(encoding="ascii") as lines:
-            found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
-        return 1024 * found[0] if found else None
+            kibibytes = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+        return 1024 * kibibytes[0] if kibibytes else None
     except OSError:
         names = getattr(os, "sysconf_names", {})
         if "SC_PHYS_PAGES" not in names:

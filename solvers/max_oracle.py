@@ -110,14 +110,14 @@ def certify(
     """The bound from the augmented potentials; TRW-S starts with the labels of a quick oracle."""
     known = objective(problem, weights, hinge(problem, weights, total_score(model, quick)))
     slack = accuracy * known * problem.n_nodes / problem.penalty
-    found = trws(
+    decoded = trws(
         model,
         initial=quick,
         max_iterations=max_iterations,
         tolerance=slack / model.size if model.size > 0 else 0.0,
     )
-    bounded = hinge(problem, weights, found.bound)
-    return Certificate(objective(problem, weights, bounded), found.labels)
+    bounded = hinge(problem, weights, decoded.bound)
+    return Certificate(objective(problem, weights, bounded), decoded.labels)
 
 
 @dataclass(frozen=True, eq=False)

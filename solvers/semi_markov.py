@@ -277,7 +277,7 @@ class SemiMarkovChain:
         self, states: _States, observed: NDArray[np.float64], *, smooth: bool
     ) -> ChainBeliefs:
         shape = observed.shape
-        found = _LogFound(
+        steps = _LogFound(
             beliefs=np.empty(shape),
             factor=np.empty(shape),
             entered=np.empty(shape),
@@ -286,12 +286,12 @@ class SemiMarkovChain:
             impossible=np.empty(len(observed), np.bool_),
         )
         logs = self._logs
-        evidence = _core.filter_stretches_in_logs(*logs, self._model, states, observed, found)
+        evidence = _core.filter_stretches_in_logs(*logs, self._model, states, observed, steps)
         if smooth:
-            _core.smooth_stretches_in_logs(logs[1], self._model, states, found)
-        beliefs = np.exp(found.beliefs)
+            _core.smooth_stretches_in_logs(logs[1], self._model, states, steps)
+        beliefs = np.exp(steps.beliefs)
         beliefs /= beliefs.sum(axis=1, keepdims=True)
-        return ChainBeliefs(beliefs, evidence, np.flatnonzero(found.impossible))
+        return ChainBeliefs(beliefs, evidence, np.flatnonzero(steps.impossible))
 
     def _filter(self, states: _States, observed: NDArray[np.float64]) -> _Found:
         shape = observed.shape
