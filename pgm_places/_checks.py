@@ -121,9 +121,8 @@ def finite_array(
 ) -> NDArray[Any]:
     """``values`` as a float array of the stated shape without NaN or infinity.
 
-    In ``shape`` a number must match, a string or None stands for any size. ``-inf`` (the logarithm
-    of zero probability) passes with ``allow_minus_inf``. The type is float64; with ``dtype=None``,
-    float32 stays float32.
+    In ``shape``, a string or None stands for any size. ``-inf`` passes with ``allow_minus_inf``.
+    The type is float64; with ``dtype=None``, float32 stays float32.
     """
     if dtype is None:
         dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
@@ -168,10 +167,9 @@ def is_sparse(rows: object) -> bool:
 
 
 def feature_rows(name: str, values: Any, n_rows: int | str) -> NDArray[np.float64]:
-    """(N, D) finite features: an array, or sparse rows (``scipy.sparse.csr_array``), read-only.
+    """(N, D) finite features, read-only: an array, or sparse rows (``scipy.sparse.csr_array``).
 
-    Sparse rows stay sparse. They are typed as dense arrays: products, masked rows and columns have
-    the same syntax for both.
+    Sparse rows have the type of dense arrays, as both have the same syntax for products and masks.
     """
     if not is_sparse(values):
         return frozen_copy(finite_array(name, values, (n_rows, "D")))

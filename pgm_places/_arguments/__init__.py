@@ -19,11 +19,7 @@ T = TypeVar("T")
 
 
 def travels(cls: T) -> T:
-    """Decorate a class so that pickled and copied instances keep their arrays read-only.
-
-    NumPy does not pickle an array's read-only flag, and Python cannot pickle the read-only view of
-    a mapping.
-    """
+    """Decorate a class whose arrays stay read-only when instances are pickled or copied."""
     for name, function in (("__getstate__", _state), ("__setstate__", _restore)):
         setattr(cls, name, function)
     return cls
@@ -84,15 +80,10 @@ def arrays_of(value: Any) -> list[Any]:
 
 
 def public(item: T) -> T:
-    """Decorate a function or a class so that its public calls are checked.
+    """Decorate a function, or a class that :func:`travels`, so that public calls are checked.
 
-    Instances of a class are pickled and copied with their arrays read-only.
-
-    Raises
-    ------
-    InputError
-        When called: one line with the argument, the accepted type, and the value. A ConfigError for
-        a choice of literals or a number with limits.
+    Calls raise InputError with the argument, the accepted type and the value; ConfigError for a
+    choice of literals or a number with limits.
     """
     return _public(item, InputError)
 

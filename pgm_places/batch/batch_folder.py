@@ -89,10 +89,9 @@ def claim_of(out: Path, name: str) -> Path:
 
 
 def remove_crash_leftovers(out: Path) -> None:
-    """Remove lock files and partial output of crashed workers.
+    """Remove lock files and partial output of crashed workers, by their names.
 
-    Only files with the names of a batch's leftovers are touched. Leftovers of labelled maps would
-    stay otherwise, because later runs skip these maps.
+    Later runs skip labelled maps and would leave their leftovers.
     """
     claims = out / _CLAIMS
     if claims.is_symlink():

@@ -41,10 +41,10 @@ _LEAST_PAUSE_S, _PAUSES = 30.0, 20
 class BatchIndex:
     """The summary table, the table of failures and the overview page of a batch.
 
-    Rows are appended immediately to one of the tables. Periodically and at the end, both tables are
-    sorted, reduced to the newest row of each map, and the page is written. Several processes may
-    write to the index of one folder. Without ``names`` of the input maps, a map counts as input as
-    long as its file exists. With a ``remote`` index, ``out`` is a local copy.
+    Rows are appended at once, by any number of processes. Periodically and at the end, both tables
+    are sorted and reduced to the newest row of each map, and the page is written. Without ``names``
+    of input maps, every map whose file exists is input. ``out`` is the local copy of a ``remote``
+    index.
     """
 
     def __init__(

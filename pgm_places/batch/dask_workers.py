@@ -31,9 +31,8 @@ _QUERY_INTERVAL_S = 1.0
 class DaskWorkers:
     """A Dask cluster by the address of its scheduler, such as ``tcp://192.168.0.7:8786``.
 
-    Its workers need this version of the package, and the maps, the model and the output folder
-    under the same paths. With ``memory_bytes``, each task runs in a subprocess of the worker. The
-    scheduler and a first worker must answer within ``patience_s``.
+    Workers need this version of the package and the same paths. With ``memory_bytes``, each task
+    runs in a subprocess. The scheduler and a first worker must answer within ``patience_s``.
     """
 
     address: str

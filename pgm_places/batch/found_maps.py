@@ -190,13 +190,7 @@ class Shard:
 
     @classmethod
     def named(cls, text: str) -> Self:
-        """Parse ``i/n``.
-
-        Examples
-        --------
-        >>> Shard.named("3/16")
-        Shard(number=3, of=16)
-        """
+        """Parse ``i/n``: ``3/16`` is ``Shard(3, 16)``."""
         match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
         if match is None or not 1 <= int(match[1]) <= int(match[2]):
             raise InputError(f"--shard expects I/N with I from 1 to N, such as 3/16; got {text!r}")

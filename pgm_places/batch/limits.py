@@ -45,9 +45,7 @@ class TimeIsUpError(BaseException):
 def time_limit(seconds: float | None) -> Iterator[None]:
     """Raise :class:`TimeIsUpError` in this thread when the block exceeds the time limit.
 
-    It is raised between two Python instructions: a running kernel finishes first, unless its
-    process is killed (:mod:`pgm_places.batch.local_workers`). Unlike a signal, it works in any
-    thread.
+    Unlike a signal, this works in any thread; a running kernel finishes first.
     """
     if seconds is None:
         yield

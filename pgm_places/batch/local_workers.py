@@ -30,10 +30,9 @@ TIMED_OUT: Literal[Unfinished.TIMED_OUT] = Unfinished.TIMED_OUT
 
 @dataclass(frozen=True)
 class Fault:
-    """A result caused by a worker rather than by its task.
+    """A result caused by a worker, not by its task; ``is_certain``: the worker fails on every task.
 
-    ``result`` is final if no other worker succeeds; an exception is raised. ``is_certain``: the
-    worker would fail on every task.
+    ``result`` is final if no other worker succeeds; an exception is raised.
     """
 
     result: Any
@@ -65,12 +64,9 @@ class Workers(Protocol):
     ) -> Iterator[tuple[Any, Any]]:
         """Run the tasks; yields each with the function's result, in order of completion.
 
-        The result is None if every worker crashed on the task, ``TIMED_OUT`` if the task exceeded
-        ``limit_s``; its process is killed after a grace period.
-
-        A crashed worker is replaced and its task repeated a few times. An exception of the function
-        stops all work and is raised here. With workers on several machines, a judge may have tasks
-        repeated on another one.
+        The result is None if every worker crashed on the task, ``TIMED_OUT`` after ``limit_s``. A
+        crashed worker is replaced and its task repeated a few times, on another machine if a judge
+        wants it. An exception of the function stops all work and is raised.
         """
         ...
 
@@ -90,10 +86,9 @@ _SAFE_PATH = "PYTHONSAFEPATH"
 
 
 class WorkerProcess:
-    """A single process of joblib's loky, used by one thread; other threads may end it.
+    """A process of joblib's loky for one thread, which exits after ``idle_s`` without a task.
 
-    It exits after ``idle_s`` without a task; the next task starts another. The process of an
-    unfinished task is killed ``grace_s`` after the time limit.
+    The process of an unfinished task is killed ``grace_s`` after the time limit.
     """
 
     def __init__(
@@ -187,10 +182,9 @@ def run_in_subprocess(
     limit_s: float | None = None,
     memory_bytes: int | None = None,
 ) -> Any:
-    """Run a task in a subprocess, which is reused by the next task with the same memory limit.
+    """Run a task in a reusable subprocess, for workers that may not be killed or limited (Dask's).
 
-    For workers that this package may neither kill nor limit, such as Dask's. The result is
-    ``TIMED_OUT`` after the time limit, None if the subprocess crashed each time.
+    The result is ``TIMED_OUT`` after the time limit, None if the subprocess crashed each time.
     """
     processes = _OF_THREAD.__dict__.setdefault("processes", {})
     if memory_bytes not in processes:
@@ -250,10 +244,9 @@ def _wait_until_taken(future: Any) -> None:
 
 @dataclass(frozen=True)
 class LocalWorkers:
-    """Processes of joblib's loky, restarted when they crash.
+    """Processes of joblib's loky, each with its own executor: a crash affects one known task.
 
-    Each process has its own executor, so a crash affects only one task, which is known. The process
-    of an unfinished task is killed ``grace_s`` after the time limit.
+    The process of an unfinished task is killed ``grace_s`` after the time limit.
     """
 
     n_jobs: int

@@ -37,10 +37,9 @@ from pgm_places.topology.checks import doubtful_share, places_to_check
 
 @dataclass(frozen=True, kw_only=True)
 class LabelledRow:
-    """A labelled map: its output folder and YAML file, and what the batch's tables list.
+    """A labelled map: its output folder and YAML file, and its values in the batch's tables.
 
-    ``doubt`` is the expected share of wrongly labelled area, None if unknown; ``check_first`` is
-    the place with most of it.
+    ``doubt``: expected share of wrongly labelled area; ``check_first``: the place with most of it.
     """
 
     name: str
@@ -153,8 +152,7 @@ def done_figures(
 ) -> dict[str, Any] | None:
     """The figures of an up-to-date result; None if the map has to be labelled.
 
-    A result is up to date if its manifest has the current provenance and the requested outputs, and
-    if all of its files exist.
+    Up to date: current provenance and requested outputs in the manifest, and all files exist.
     """
     record = manifest_record(folder)
     if record is None:
@@ -206,11 +204,10 @@ class NoSpaceError(OutputError):
 
 @dataclass(frozen=True)
 class MapTask:
-    """One map to label, self-contained, so that any process can run it; paths are absolute.
+    """One map to label, self-contained for any process; paths are absolute.
 
-    ``force`` overwrites files that pgm-places did not write or that were changed since. ``claim``
-    is the map's lock file. ``source`` and ``target`` name map and output folder in messages, if
-    they differ from the paths. ``version`` is that of the package that made the task.
+    ``force`` overwrites foreign or changed files. ``claim`` is the map's lock file. ``source`` and
+    ``target`` are names for messages, if they differ from the paths; ``version`` is the package's.
     """
 
     name: str

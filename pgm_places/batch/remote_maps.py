@@ -38,9 +38,8 @@ _CHECK_FILES = (*_MANIFESTS, RECORD_FILE, NAMES_FILE)
 def label_anywhere(task: MapTask) -> Outcome:
     """:func:`~pgm_places.batch.map_task.label_one` for local paths and addresses.
 
-    The manifest is removed before all other files and written after them, and the record of files
-    is written first. An incomplete result therefore counts as not labelled, and as written by this
-    package.
+    The record of files is written first and the manifest last, so that an incomplete result counts
+    as not labelled, and as this package's.
     """
     if not is_address(task.map) and not is_address(task.folder):
         return label_one(task)

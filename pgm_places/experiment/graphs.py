@@ -20,8 +20,7 @@ from pgm_places.io.csv_table import GraphTables, Table, read_graphml, read_table
 class SourceGraph:
     """A labelled graph; true labels (N,) are -1 where unknown or observed.
 
-    ``building`` is the group of graphs that are held out together, ``features`` are the names of
-    the columns of node features and of edge features.
+    Graphs of one ``building`` are held out together; ``features`` names node and edge features.
     """
 
     name: str
@@ -40,8 +39,8 @@ def load_graphs(
 ) -> list[SourceGraph]:
     """The graphs of ``"train"`` or ``"test"``, in order, with the features of the graphs ``like``.
 
-    InputError if a file cannot be read, a column is missing or has invalid values, or features
-    differ; LabelError if no node of a graph has a true label that is not observed.
+    InputError for unreadable files, missing or invalid columns, or other features; LabelError if no
+    node of a graph has a true label that is not observed.
     """
     graphs = experiment.loaded(part, "graphs", lambda _: True, _load)
     for index, graph in enumerate(graphs):

@@ -56,9 +56,8 @@ from pgm_places.unary.list_learning import with_explicit_order
 def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> PlaceLabeler:
     """The base model of the configuration, trained further on the training maps one by one.
 
-    Without a base model (``"none"``), the first map is the training data of the first model.
-    ModelFileError if there is no such model; LabelError if a label of the model is not in the
-    configuration or, without a model, the first map has fewer than two labels.
+    Without a base model (``"none"``), the first map trains a model, and must have two labels.
+    ModelFileError if there is no such model; LabelError for labels missing in the configuration.
     """
     config = experiment.config
     labeler = _base_model(experiment)

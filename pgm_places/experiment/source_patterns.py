@@ -13,10 +13,9 @@ from pgm_places.io.input_file import user_path
 
 
 def resolved_path(name: str, folder: Path) -> Path:
-    """The absolute path of a name in a configuration in ``folder``.
+    """The absolute path of a name in a configuration in ``folder``; expands a leading ``$NAME``.
 
-    A leading ``$NAME`` is replaced by the folder in this environment variable. ConfigError if the
-    variable is not set, or no file can have this name.
+    ConfigError if the environment variable is not set, or no file can have this name.
     """
     if name.startswith("$"):
         variable, _, rest = name[1:].partition("/")
@@ -42,11 +41,10 @@ _MAX_BYTES = 16 << 20
 def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> dict[str, Any]:
     """A configuration with a table per map in place of tables whose ``map`` is a pattern.
 
-    ``map = "floors/*/map.yaml"`` stands for all matching files, sorted by name. ``labels``,
-    ``regions`` or ``corrections`` is a pattern with the same number of wildcards, which are
-    replaced by the text that matches in the map's path. ``buildings`` is a table (CSV) with columns
-    ``map``, a name or a path relative to the table, and ``building``. ConfigError if a pattern
-    matches nothing or has another number of wildcards, or a map has no building.
+    ``map = "floors/*/map.yaml"`` stands for all matching files, sorted by name; wildcards of
+    ``labels``, ``regions`` or ``corrections`` are replaced by the text that matches in the map's
+    path. ``buildings`` is a table (CSV) with columns ``map`` and ``building``. ConfigError if
+    nothing matches, wildcards differ in number, or a map has no building.
     """
     made = dict(content)
     for part in ("train", "test"):

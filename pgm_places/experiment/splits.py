@@ -30,9 +30,9 @@ class Split:
 def splits_of(experiment: Experiment, *, n_folds: int | None = None) -> list[Split]:
     """The splits listed by the configuration, or splits that hold out each building in turn.
 
-    ``n_folds`` groups of buildings are held out instead of single ones, unless splits are listed.
-    ConfigError if a listed split names an unknown building, or has no training data; without listed
-    splits, if all test data are from one building, or there are more folds than buildings.
+    Unless splits are listed, ``n_folds`` groups of buildings are held out. ConfigError for an
+    unknown building, a split without training data, a single building, or more folds than
+    buildings.
     """
     known = _Buildings.of(experiment)
     listed = experiment.config.splits
@@ -143,9 +143,8 @@ def warn_of_overlap(
 ) -> None:
     """Warn of nodes and of buildings that are both in the training and in the test data.
 
-    Nodes are identified by the content of the raster, the steps or the graph, not by file names.
-    Buildings are compared if the configuration names them, or for different maps of one plan;
-    parts of one raster may be in both.
+    Nodes are identified by content, not by file names. Buildings are compared if the configuration
+    names them, or for different maps of one plan.
     """
     joined = experiment.config.nodes == "both"
     trained, tested = (

@@ -24,10 +24,9 @@ Labelers = Mapping[str, AnyLabeler]
 
 
 class Task(Protocol):
-    """The task of a configuration: training and test labelling of one kind of nodes.
+    """The task of a configuration: training, once, and test labelling of one kind of nodes.
 
-    The constructor builds the labelers and reports invalid options before anything is read. A task
-    is trained once.
+    The constructor builds the labelers and reports invalid options before anything is read.
     """
 
     tested: ClassVar[Tested]
@@ -99,8 +98,7 @@ def learned(task: Task, experiment: Experiment, sources: Sources) -> Trained:
 class Labelled(NamedTuple):
     """The labelled test items, and seconds to label them, by the id of each method.
 
-    Labellings, doors and gates are one per item; doors and gates are () without a label for
-    doorways.
+    Labellings, doors and gates are one per item; the latter two are () without doorways.
     """
 
     items: tuple[TestItem, ...]

@@ -287,10 +287,9 @@ def _thresholds(
 
 
 def _cell(order: int) -> tuple[int, int, int]:
-    """Centre row, step and side of the centre of an order.
+    """Centre row, step and side of the centre of an order; ``R`` is the reach.
 
-    Row 0 is the centre 0, row ``2 g - 1`` the centre ``(2 R + 1) g`` with the reach ``R``, and row
-    ``2 g`` its mirror image.
+    Row 0 is the centre 0, row ``2 g - 1`` the centre ``(2 R + 1) g``, row ``2 g`` its mirror image.
     """
     span = 2 * FOURIER_REACH + 1
     group = (abs(order) + FOURIER_REACH) // span

@@ -61,11 +61,10 @@ def _block(name: str, channels: int) -> Iterator[tuple[str, tuple[int, ...]]]:
 
 
 def forward(x: Any, net: Operations) -> Any:
-    """Scores (..., h, w, 4) of the labels from inputs (..., h, w, 10).
+    """Scores (..., h, w, 4) of the labels from inputs (..., h, w, 10) (Ronneberger et al. 2015).
 
-    Each level halves the raster. Two dilated blocks at the deepest level cover 20 m and more in
-    each direction. On the way up, the earlier output of each level is added (Ronneberger et al.
-    2015).
+    Each level halves the raster; two dilated blocks at the deepest one cover 20 m in each
+    direction.
     """
     h = net.rectified(net.convolution(x, "stem"))
     skips = [h]

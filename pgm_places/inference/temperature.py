@@ -28,12 +28,10 @@ LEAST_BELIEF = 1e-12
 
 
 def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeling:
-    """The labelling with beliefs ``b^(1/T) / sum b^(1/T)``; labels, score and status stay.
+    """The labelling with beliefs ``b^(1/T) / sum b^(1/T)`` (Guo et al. 2017, equation 9).
 
-    Methods on graphs are overconfident: neighbours with the same evidence count as independent
-    observations. Temperatures above 1 lower the confidence, below 1 raise it; the order of beliefs
-    never changes (temperature scaling, Guo et al. 2017, equation 9). ``"auto"`` without training is
-    1.
+    Temperatures above 1 lower the confidence; the order of beliefs, labels, score and status stay.
+    ``"auto"`` without training is 1.
 
     Examples
     --------
@@ -56,11 +54,10 @@ def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeli
 def likeliest_temperature(beliefs: Sequence[ArrayLike], truths: Sequence[ArrayLike]) -> float:
     """The maximum-likelihood temperature for the true labels of nodes, from 1 to 100.
 
-    With l = log b it solves ``sum_i w_i (sum_k b_ik(T) l_ik - l_i,true) = 0``, the derivative of
-    the cross entropy by 1/T, which rises with 1/T: the root is found by bisection. Values below 1
-    are excluded: a few nodes, all labelled correctly, would make every belief certain. Beliefs (N,
-    K) are of methods that were not trained on the true labels (N,), -1 where unknown; all graphs
-    have equal weight. InputError if no node has a true label.
+    With l = log b it solves ``sum_i w_i (sum_k b_ik(T) l_ik - l_i,true) = 0`` by bisection over
+    1/T. Below 1, a few nodes, all labelled correctly, would make every belief certain. Held-out
+    beliefs (N, K), true labels (N,), -1 where unknown; all graphs have equal weight. InputError if
+    no node has a true label.
 
     Examples
     --------
@@ -104,10 +101,8 @@ def calibrated(
 ) -> Any:
     """The method with a temperature fitted to its beliefs on labelled problems.
 
-    A method whose temperature is not ``"auto"``, or without beliefs, is returned unchanged, also if
-    no labelled node remains. Nodes with known labels in the problem do not count, as their beliefs
-    are fixed. The unaries should be held-out scores: a classifier is overconfident on its training
-    nodes.
+    Unaries should be held-out scores; nodes with known labels do not count. A method without
+    beliefs or with a fixed temperature, or without labelled nodes, is returned unchanged.
     """
     if getattr(backend, "temperature", None) != "auto" or not backend.gives_beliefs:
         return backend

@@ -114,10 +114,9 @@ def csv_text(rows: Iterable[Iterable[object]]) -> str:
 def open_table(
     path: Path, error: type[InputError], what: str, *, max_bytes: int
 ) -> Iterator[CsvTable]:
-    """Open a table of at most ``max_bytes`` for the duration of the block.
+    """Open a table of at most ``max_bytes`` for the duration of the block: UTF-8 with a header.
 
-    It is UTF-8 text with a header, with or without a byte order mark. ``what`` says what the file
-    should be, for messages: "a table of poses (CSV)".
+    ``what`` says what the file should be, for messages: "a table of poses (CSV)".
     """
     with open_input(path, error, what, max_bytes=max_bytes) as raw, as_unreadable(path, error):
         text = io.TextIOWrapper(raw, "utf-8-sig", newline="")

@@ -57,10 +57,9 @@ def open_input(
     max_bytes: int | None = None,
     pipes: bool = False,
 ) -> BufferedReader:
-    """Open an input file for reading; refuses missing, unreadable and too large ones.
+    """Open an input file; refuses missing, unreadable and too large ones, folders and devices.
 
-    ``what`` says what the file should be, for messages: "regions (GeoJSON)". Folders and devices
-    are refused, and pipes unless ``pipes``, for input that is read once and forwards.
+    ``what`` is for messages: "regions (GeoJSON)". ``pipes`` allows pipes, read once and forwards.
     """
     try:
         # Checked before opening: opening a pipe without a writer blocks for ever.

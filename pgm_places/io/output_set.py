@@ -47,29 +47,17 @@ def output_set(
     replaces: Iterable[str] = (),
     keeps_owners: bool = False,
 ) -> Iterator[OutputSet]:
-    """Stage files and move all of them into a folder at the end of the block.
+    """Stage files and move all of them into a folder, created if needed, at the end of the block.
 
     Until then, and after an error, Ctrl-C or a kill, the folder is unchanged. The new set replaces
-    the earlier set of the same command: files that are only in the earlier set are removed. The
-    user's files stay. A set without files changes nothing.
+    the earlier set of the command ``by``; the user's files stay. A set without files changes
+    nothing.
 
-    Parameters
-    ----------
-    folder : Path
-        Created if needed.
-    by : str
-        The command, by which its earlier set is identified.
-    names : iterable of str
-        Files that will be written; conflicts are refused before the work, not after.
-    force : bool
-        Overwrite files that this package did not write or that were changed since, and write into a
-        folder that holds none of its files.
-    shared : bool
-        The folder may be the user's own: only files in the way are refused.
-    replaces : iterable of str
-        Files of any command of this package that are removed unless they were changed.
-    keeps_owners : bool
-        Files of other commands stay recorded as theirs, and an earlier set of this command stays.
+    ``names`` are files that will be written, so that conflicts are refused before the work.
+    ``force`` overwrites foreign and changed files. A ``shared`` folder may be the user's own: only
+    files in the way are refused. Unchanged files of ``replaces``, of any command, are removed. With
+    ``keeps_owners``, files of other commands stay theirs, and the earlier set of this command
+    stays.
     """
     shown = Path(folder)
     _refuse_address(shown)

@@ -27,8 +27,7 @@ _IN_USE: set[Path] = set()
 def stage(parent: Path, name: str) -> Iterator[Path]:
     """A new folder ``.NAME.<12 digits>.tmp`` in ``parent``, removed at the end of the block.
 
-    It stays locked as long as the process lives, so that a later call can distinguish leftovers of
-    a killed run, which it removes, from the folder of an active run.
+    Its lock distinguishes an active run from a killed one, whose folder a later call removes.
     """
     remove_leftovers(parent, name)
     while True:
@@ -97,8 +96,7 @@ def locked(folder: Path) -> Iterator[None]:
 def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
     """Try to hold the lock file for the duration of the block; yields whether we got it.
 
-    The lock ends with the process, and the file with the block; until then the file contains the
-    note. On a file system without locks, every caller gets True.
+    The file contains the note. Without locks in the file system, every caller gets True.
     """
     if path is None or fcntl is None:
         yield True
@@ -242,13 +240,10 @@ _MAX_BYTES = 16 << 20
 def swap_in(stage: Path, target: Path, removed: Iterable[str] = (), *, in_place: bool) -> None:
     """Move the files in ``stage/new`` into ``target`` and remove ``removed``; all others stay.
 
-    A new target is renamed into place. An existing one is exchanged, in a single system call, for a
-    folder with the new files and hard links to all others, so that the target is the old or the new
-    folder at any time. If that is impossible (see ``can_be_exchanged``) or unwanted (``in_place``),
-    the stage is renamed into the folder, and its files are moved one by one; after an interruption,
-    ``finish`` moves the rest.
-
-    The caller holds the lock of an existing target.
+    A new target is renamed into place. An existing one, locked by the caller, is exchanged in a
+    single system call for a folder with the new files and hard links to all others. If that is
+    impossible (see ``can_be_exchanged``) or unwanted (``in_place``), the stage is renamed into the
+    folder and its files are moved one by one; ``finish`` completes an interrupted move.
     """
     new, names = stage / NEW, file_names(stage / NEW)
     if is_staged(target) and not target.exists():
@@ -293,8 +288,8 @@ def finish(target: Path) -> None:
 def can_be_exchanged(target: Path) -> bool:
     """Whether a folder can be exchanged for another one.
 
-    Not if it is a mount point, if it contains the current folder of this process, which would stay
-    in the old one, or if its parent is not writable.
+    It must be no mount point, not contain this process's current folder, and its parent be
+    writable.
     """
     with contextlib.suppress(FileNotFoundError):  # the current folder may be deleted
         if Path.cwd().is_relative_to(target):

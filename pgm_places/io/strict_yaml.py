@@ -110,8 +110,8 @@ def read_yaml(
 ) -> YamlFile:
     """Read a YAML file whose top level is a mapping; no types are guessed, no tags resolved.
 
-    ``what`` says what the file should be, for messages: "map description". Refused are files of
-    more than 256 KiB, more than 16 levels, anchors, aliases, and keys that appear twice.
+    Refused: more than 256 KiB or 16 levels, anchors, aliases, repeated keys. ``what`` is for
+    messages.
     """
     text = read_text(path, error, f"the {what} (YAML)", max_bytes=MAX_BYTES)
     import yaml

@@ -26,12 +26,10 @@ def drop_pages(array: NDArray[Any]) -> None:
 
 
 class MappedPlanes:
-    """Planes of zeros whose memory can be released in parts, from the beginning.
+    """Planes of zeros, ``shape`` (number, length), whose memory can be released from the beginning.
 
-    Converting one large array into another then takes no more memory than the larger of the two. On
-    systems that cannot take pages back, ``release`` does nothing.
-
-    ``shape``: number of planes, and length of each.
+    A large array is so converted within the memory of the larger of both. Where the system cannot
+    take pages back, ``release`` does nothing.
 
     Examples
     --------
@@ -84,10 +82,9 @@ def _anonymous(size: int) -> mmap.mmap:
 
 
 def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
-    """A read-only memmap of ``array`` in an anonymous temporary file.
+    """A read-only memmap of ``array`` in an anonymous temporary file, to free the array's memory.
 
-    Arrays of fewer bytes than ``at_least``, or too large for the folder's free space, stay in
-    memory. The caller must drop its reference to free the memory.
+    Arrays below ``at_least`` bytes, or too large for the folder's free space, stay in memory.
     """
     if array.nbytes < max(at_least, 1):
         return array

@@ -39,11 +39,7 @@ def thread_limit(n_threads: int | None) -> Iterator[None]:
 
 
 def resolve_threads(n_threads: int | None = None) -> int:
-    """The number of threads to use.
-
-    The argument, else the :func:`thread_limit`, else ``PGM_PLACES_NUM_THREADS``, else the number of
-    cores.
-    """
+    """The argument, the limit of the block, ``PGM_PLACES_NUM_THREADS``, or the number of cores."""
     if n_threads is None:
         n_threads = _wanted.get()
     if n_threads is None:
@@ -164,11 +160,10 @@ class ThreadTeam:
 
 
 def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | None = None) -> None:
-    """Call ``work(task)`` for every task in ``range(n_tasks)``, spread over threads.
+    """Call ``work(task)`` for every task in ``range(n_tasks)``, spread over threads in order.
 
-    Tasks are assigned in order to free threads. They run in the caller's context; with several
-    threads, work inside a task uses one thread by default. After the first exception no more tasks
-    start, and it is raised once the running tasks have ended.
+    Tasks run in the caller's context; with several threads, each task uses one by default. The
+    first exception stops further tasks and is raised once the running ones have ended.
     """
     with ThreadTeam(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
         crew.run(work, n_tasks)

@@ -16,10 +16,9 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 @dataclass(frozen=True, eq=False)
 class KnownCells:
-    """Observed labels of a map's free cells (H, W), and at the model's resolution (h, w).
+    """Observed labels of a map's free cells (H, W), and at the model's resolution (h, w); else -1.
 
-    They are -1 elsewhere. ``learned_names`` are the labels of the methods, which label halls as
-    corridors.
+    ``learned_names`` are the labels of the methods, which label halls as corridors.
     """
 
     on_map: NDArray[np.int16]
@@ -36,9 +35,8 @@ class KnownCells:
         label_names: Sequence[str],
         learned_names: Sequence[str],
     ) -> Self:
-        """Transfer observed labels (H, W) of a map to the cells of ``used``.
+        """Transfer a map's observed labels (H, W) to the cells of ``used``, by majority.
 
-        A coarser cell is observed if any of its free cells is; it has their most frequent label.
         LabelError if the labels do not fit the map or the names.
         """
         names = tuple(label_names)

@@ -42,11 +42,9 @@ LARGEST_CELLS_M = 1.0
 def at_model_resolution(
     labeler: PlaceLabeler, grid: OccupancyGrid, *, max_cells: int | None = None
 ) -> tuple[OccupancyGrid, list[str]]:
-    """The map at the model's resolution, and notes on the resampling.
+    """The map at the model's resolution, refined to ``max_cells`` at most, and notes on resampling.
 
-    ``max_cells`` limits a refined map, by default to ``MAX_REFINED_CELLS``. MapError if the map has
-    no free cell, also at the model's resolution, or if its cells are too large to show walls or to
-    be refined.
+    MapError if no cell is free, or cells are too large to show walls or to be refined.
     """
     if not grid.free.any():
         raise MapError(
@@ -92,8 +90,7 @@ def at_model_resolution(
 class LabelledCells:
     """The labels (H, W) of a map's cells, with all other inputs of its topological map.
 
-    ``beliefs`` (N, K) and ``hall`` (N,) are of the cells of ``layout``, of ``grid`` or a coarser
-    version of it.
+    ``beliefs`` (N, K) and ``hall`` (N,) are of the cells of ``layout``, possibly coarser.
     """
 
     grid: OccupancyGrid
@@ -237,8 +234,8 @@ def on_own_raster(
 ) -> LabelledPlaces:
     """A map with labels at its original resolution, from the labels of ``used``'s cells.
 
-    ``used`` is the map at the model's resolution. Observed labels override the labelling.
-    Unreachable space has no labels, unless ``entered`` requests them or they are observed.
+    Observed labels override all others. Unreachable space has labels only if ``entered`` or
+    observed.
     """
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_map(grid)
@@ -289,8 +286,7 @@ def _brought_back(
 ) -> Labeling:
     """A refined map's labelling on the original cells: most frequent label, mean probability.
 
-    ``cells`` is the layout of the refined map, ``layout`` of the original one. Ties go to the first
-    label.
+    ``cells`` is the refined layout, ``layout`` the original one. Ties go to the first label.
     """
     node = _nodes_of_parts(refined, cells, layout)
     n_labels = int(labeling.labels.max()) + 1

@@ -60,14 +60,11 @@ def smooth_over_spaces(
 ) -> NDArray[np.float64]:
     """The scores (N, K) of cells, with consistent labels corridor and room within segments.
 
-    Connected cells of one segment and one label, corridor or room, are a *part*. The new labels of
-    all parts maximise the evidence of their cells minus the cost of borders between both labels,
-    which is higher within a segment than along an opening: an exact minimum cut. So a border in
-    open space moves to an opening of its segment or disappears, unless there is strong evidence on
-    both sides. In ribbons, evidence for a room is weighted by 0.1, so that ribbons which continue a
-    corridor become corridor. With ``weigh_wide``, evidence for a corridor is weighted by 0.1 in
-    wide segments, unless at least half of the cells of their place have log-odds of a corridor
-    above 2: an open space is one place.
+    Connected cells of one segment and one label, corridor or room, are a *part*. An exact minimum
+    cut relabels parts: the evidence of their cells minus the cost of borders, higher within a
+    segment than along an opening. In ribbons, evidence for a room is weighted by 0.1, so that they
+    continue a corridor. With ``weigh_wide``, so is evidence for a corridor in wide segments, unless
+    at least half of the cells of their place have log-odds of a corridor above 2.
 
     Parts with observed labels (``known``) do not change, and borders at them cost most. They
     influence their own ``place`` only, numbered between doorways for each cell, or -1.
@@ -289,14 +286,12 @@ def doorway_zones(
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """(N,) zones of cells by accepted gates, and (4,) the change of a doorway's log-odds in each.
 
-    The odds are multiplied by 0.02 for cells away from gates (zone 0): more than 1 m along the
-    heading of each gate, or more than 0.3 m to its sides. They are multiplied by 0.4 near a gate
-    (zone 1), but more than 0.42 m from its middle (zone 2) along its heading. With ``depth_m``,
-    they are multiplied by 0.02 more than half the depth from the middle. If the cells in the middle
-    are no likely doorway (a mean probability of at most a half), but other cells near the gate are,
-    the middle is moved to these cells. For cells about equally far from two gates with a
-    probability of at least 0.8 (zone 3), the odds are multiplied by 0.0001, so that adjacent
-    doorways do not touch. ``log_z`` (N, K) are log-probabilities.
+    Factors of the odds: 0.02 away from gates (zone 0: more than 1 m along the heading, or 0.3 m to
+    the sides; with ``depth_m``, half the depth along the heading); 0.4 near a gate (zone 1), but
+    more than 0.42 m from its middle (zone 2); 0.0001 between two gates with a probability of at
+    least 0.8 (zone 3), so that adjacent doorways do not touch. If the cells in the middle are no
+    likely doorway (a mean probability of at most a half), but others near the gate are, the middle
+    moves to them. ``log_z`` (N, K) are log-probabilities.
     """
     added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE, _PARTED])
     half_m = (DOORWAY_DEPTH_M if depth_m is None else depth_m) / 2

@@ -88,12 +88,11 @@ class WithDistance:
 def chosen_distance(
     drives: Sequence[ObservedDrive], learn: Learn, label: LabelDrive
 ) -> ChosenDistance:
-    """The distance in :data:`TRIED_M` with the best labels of held-out steps.
+    """The distance in :data:`TRIED_M` with the best labels of held-out drives, or thirds of drives.
 
-    With three or more drives, complete drives are held out, else thirds of each. The first distance
-    is chosen unless others are significantly more accurate
-    (:func:`pgm_places.evaluation.bootstrap.is_ahead`); of these, the one with the best mean of
-    accuracy and balanced accuracy is chosen.
+    Distances significantly more accurate than the first
+    (:func:`pgm_places.evaluation.bootstrap.is_ahead`) compete by the mean of accuracy and balanced
+    accuracy.
     """
     folds = _folds(drives)
     truth = np.concatenate([drive.labels for held_out in folds for drive in held_out])
@@ -150,10 +149,9 @@ KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
 
 @dataclass(frozen=True, eq=False)
 class ListExamples:
-    """Training examples of the list: cells of each map, then labelled steps of each trajectory.
+    """Training examples of the list: cells of each map, then labelled ``steps`` of each trajectory.
 
-    Folds are buildings if there are several, else contiguous parts. ``steps`` (n,) are the indices
-    of the labelled steps of each trajectory.
+    Folds are buildings if there are several, else contiguous parts.
     """
 
     rows: list_learning.Rows
@@ -176,9 +174,8 @@ def trajectory_examples(
 ) -> ListExamples:
     """The features of labelled cells and steps, for the options of a TrajectoryLabeler.
 
-    InputError if there is nothing to train on, a trajectory has no labels or other label names, or
-    extra columns are given together with maps, whose cells have none. LabelError if a label has no
-    example.
+    InputError without training data, for a trajectory without labels or with other names, or for
+    extra columns with maps, which lack them; LabelError for a label without example.
     """
     names, extra_names = tuple(labeler.label_names), tuple(labeler.extra_names)
     sensor, n_folds, features = labeler.sensor, labeler.n_folds, as_features(labeler.features)
@@ -248,10 +245,9 @@ def learn_method(
     examples: ListExamples,
     scores: NDArray[np.float64],
 ) -> tuple[Any, ChosenDistance | None]:
-    """The method fitted on segments of trajectories, or on maps without trajectories.
+    """The method fitted on segments of trajectories, or of maps, and a chosen distance of updates.
 
-    ``scores`` (N, K) are held-out scores of the examples. The second result is the distance between
-    updates, if it was chosen.
+    ``scores`` (N, K) are held-out scores of the examples.
     """
     from pgm_places.labelers.place_learning import (  # not needed for labelling
         confusion_counts,
@@ -303,10 +299,9 @@ def learn_method(
 def segment_problem(
     labeler: Any, method: Any, segments: PathSegments, scores: NDArray[np.float64]
 ) -> LabelingProblem:
-    """The problem of a trajectory's segments with the mean scores (T, K) of their steps.
+    """The problem of a trajectory's segments, a chain, with the mean scores (T, K) of their steps.
 
-    The graph is a chain; for ``loop_m`` > 0 and methods for other graphs, it has links between
-    passes of one spot. Steps with NaN scores (no observation) are ignored.
+    ``loop_m`` > 0 links passes of one spot, if the method can. Steps with NaN scores are ignored.
     """
     loop_m = 0.0 if traits_of(method).chains_only else labeler.loop_m
     names = tuple(labeler.label_names)

@@ -18,17 +18,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class LoadedModel:
-    """A fitted labeler, its method and its rules: all inputs of labelling besides the map.
+    """A fitted labeler, its method (by default the labeler's) and its rules, ready to label maps.
 
-    The method is by default the labeler's. ``sha256`` is the hash of the model's manifest, which
-    has the hash of its arrays; empty without a folder.
-
-    Raises
-    ------
-    NotFittedError
-        The labeler is not fitted.
-    ConfigError
-        The labeler has no such method.
+    ``sha256`` is the hash of the model's manifest; empty without a folder. NotFittedError if the
+    labeler is not fitted, ConfigError if it has no such method.
     """
 
     labeler: PlaceLabeler
@@ -52,8 +45,8 @@ class LoadedModel:
     def load(cls, options: ModelOptions | None = None) -> Self:
         """Load the model of the options and apply their overrides.
 
-        ModelFileError if there is no such model, or it is damaged; ConfigError if it has no such
-        method, or an option has an invalid value.
+        ModelFileError for a missing or damaged model; ConfigError for an unknown method or invalid
+        option.
 
         Examples
         --------

@@ -33,10 +33,10 @@ def places_of(
     own_names: Mapping[int, str] | None = None,
     cuts: Sequence[Line] = (),
 ) -> TopologicalMap:
-    """The topological map of labelled cells.
+    """The topological map of labelled cells, with the user's ``own_names`` by id.
 
-    ``ids`` are earlier places, whose ids and names are reused; a warning is reported if they belong
-    to another map, or to one with another origin. ``own_names`` are the user's names by id.
+    Ids and names of earlier places ``ids`` are reused, with a warning if their map or origin
+    differs.
     """
     if ids is not None and (message := ids.fit_to(cells.grid)):
         warn(message)
@@ -72,12 +72,11 @@ def doorways_as_rectangles(
     depth_m: float | None = None,
     fixed: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.int16]:
-    """(H, W) the labels, with a rectangle of doorway at each gate.
+    """(H, W) the labels, with a rectangle of doorway at each gate, from wall to wall.
 
-    The rectangle is centred on the gate and reaches from wall to wall; ``depth_m`` is by default
-    the depth in the models' training maps. It contains the labelled cells that are connected to the
-    opening within it. Doorway cells outside that touch a rectangle get the label of their
-    neighbours. Labels of ``fixed`` cells (H, W) do not change.
+    ``depth_m`` is by default the depth in the models' training maps. The rectangle contains the
+    labelled cells that are connected to the opening within it; doorway cells that touch it from
+    outside get their neighbours' label. ``fixed`` cells (H, W) do not change.
     """
     changed, inside = labels.copy(), np.zeros(labels.shape, np.bool_)
     depth_m = depth_m or DOORWAY_DEPTH_M

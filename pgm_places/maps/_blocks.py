@@ -25,11 +25,10 @@ _MAX_PARTS = ceil(1 / (2 * SAME))
 
 
 def factor_between(fine_m: float, coarse_m: float) -> Fraction:
-    """The factor between the resolutions of a map and its coarsened version.
+    """The factor between a map and its coarsened version: the fraction nearest to the ratio.
 
-    :func:`simplest_factor` chooses it once, for the requested resolution, and the coarsened map has
-    exactly that multiple of the resolution, apart from rounding errors: the fraction nearest to the
-    ratio is that factor. ``simplest_factor`` of the ratio could be a simpler one.
+    Rounding apart, that is the :func:`simplest_factor` of the requested resolution; the ratio
+    itself could have a simpler one.
     """
     if coarse_m < fine_m:
         return 1 / factor_between(coarse_m, fine_m)

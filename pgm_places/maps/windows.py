@@ -108,15 +108,9 @@ def window_mask(
 ) -> NDArray[np.bool_]:
     """(H, W) mask of the cells inside all ranges; all cells without a range.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    columns : (start, stop), optional
-        Image columns from the left, ``start <= column < stop``; None leaves a side open.
-    rows : (start, stop), optional
-        Image rows from the *top*, as an image editor counts them.
-    x_m, y_m : (low, high), optional
-        Metres in the map frame, ``low <= centre of the cell < high``.
+    ``columns`` (start, stop) count from the left, ``rows`` from the *top*, as image editors do;
+    ``x_m`` and ``y_m`` are (low, high), ``low <= centre of the cell < high``. None leaves a side
+    open.
 
     Examples
     --------

@@ -105,10 +105,9 @@ def _dump_places(labeler: PlaceLabeler) -> tuple[Record, Arrays]:
 
 
 def _load_places(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
-    """The labeler without its unfitted classifier: labelling needs no scikit-learn.
+    """The labeler without its classifier, which only another fit needs, so without scikit-learn.
 
-    Another fit of it uses the default classifier. Keys read by ``get`` are absent from models of
-    earlier versions.
+    Keys read by ``get`` are absent from models of earlier versions.
     """
     parts.check_feature_set(manifest)
     resolution_m = check_option("resolution_m", float, manifest["resolution_m"])

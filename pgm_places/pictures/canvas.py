@@ -42,10 +42,9 @@ MOST_EDGES = 30_000
 
 @dataclass(frozen=True, eq=False)
 class GraphLayout:
-    """The nodes of a graph as dots, at their positions or, without positions, by a spring layout.
+    """The nodes of a graph as dots, at their positions or by a spring layout, over the edges.
 
-    The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for graphs of any kind. Edges
-    are drawn as walls are on maps; nodes are painted over them.
+    The counterpart of :class:`~pgm_places.graph.layout.GridLayout`, with edges drawn as walls.
 
     Examples
     --------

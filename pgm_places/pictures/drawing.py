@@ -201,10 +201,9 @@ def text_width(content: str, size: float, *, bold: bool = False) -> float:
 
 
 class Packing:
-    """A second thread that makes PNG files of drawings; they are written at the end of the block.
+    """A second thread that makes PNG files of drawings, written at the end of the block.
 
-    After an exception nothing more is written. With a single thread, or outside a ``with`` block,
-    each picture is written at once.
+    After an exception nothing is written; with one thread, or without a block, each at once.
     """
 
     def __init__(self, n_threads: int | None = None) -> None:

@@ -71,8 +71,7 @@ def figure_grid(
 ) -> Drawing:
     """The panels in a grid, as a drawing.
 
-    All panels are enlarged by the same integer, the largest at which the columns together stay
-    within ``long_side`` pixels.
+    One integer enlarges all panels, the largest that fits the columns into ``long_side`` pixels.
     """
     shapes = np.array([panel.canvas.indices.shape for panel in panels])
     columns = min(columns, len(panels))

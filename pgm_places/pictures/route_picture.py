@@ -33,10 +33,9 @@ def write_routes(
 ) -> RouteGraph:
     """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
 
-    The robot does not enter the places of ``keep_out``, which are classes or names.
-    With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, the
-    other files for Nav2 are written, too. The files are later moved to ``lies_in``; nodes and edges
-    of an earlier graph there keep their ids.
+    Routes avoid the places of ``keep_out``, classes or names. ``for_nav2``, the options of
+    :func:`~pgm_places.io.places.nav2_folder.write_nav2`, adds the other files for Nav2. Nodes and
+    edges of an earlier graph in ``lies_in``, the final folder, keep their ids.
     """
     closed = topology.ids_of(keep_out)
     routes = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
@@ -79,9 +78,7 @@ _LINE, _DISC, _DOOR, _DOT, _NAME = 2.0, 13.0, 9.0, 4.0, 13
 
 
 def route_drawing(topology: TopologicalMap, routes: RouteGraph) -> Drawing:
-    """Nodes and edges over the places; unreachable places are named in red.
-
-    Places that the robot keeps out of are hatched.
+    """Nodes and edges over the places; unreachable ones are named in red, forbidden ones hatched.
 
     Examples
     --------

@@ -43,8 +43,7 @@ FIGURES: dict[str, tuple[str, Figure]] = {
 class Cell:
     """A rounded value with its spread and interval, "" for none.
 
-    ``is_sure``: significantly better than all others, or significantly different from 0; or the
-    highest of a split.
+    ``is_sure``: significantly best, or different from 0; or the highest of a split.
     """
 
     text: str

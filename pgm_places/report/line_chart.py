@@ -131,10 +131,10 @@ class Chart:
 def line_chart(
     lines: Sequence[Line], *, x_name: str, y_name: str, shares: bool = False
 ) -> Chart | None:
-    """The chart with its legend; None where no line has a point.
+    """The chart with its legend, of finite points; None if there are none.
 
-    Points that are not finite are left out. Positive values that spread over more than a factor of
-    100 get a logarithmic axis. With ``shares``, both axes go from 0 to 1, with a diagonal.
+    Positive values beyond a factor of 100 get a logarithmic axis. With ``shares``, both axes go
+    from 0 to 1, with a diagonal.
     """
     drawn = [(line, *line.finite()) for line in lines]
     drawn = [item for item in drawn if len(item[1])]

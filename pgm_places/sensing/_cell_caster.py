@@ -52,10 +52,9 @@ class Box:
 
 
 def tiles(wanted: NDArray[np.bool_], capacity: Callable[[Box], int]) -> Iterator[Box]:
-    """Boxes that partition the wanted cells.
+    """Boxes that partition the wanted cells, cut in two across the longer side.
 
-    A box is cut in two, across its longer side, until it holds at most ``capacity(box)`` wanted
-    cells or is a single cell.
+    Cutting ends at ``capacity(box)`` wanted cells or a single cell.
     """
     waiting = [Box(0, wanted.shape[0], 0, wanted.shape[1])]
     while waiting:
@@ -252,9 +251,8 @@ class CellCaster:
     def _sweep_pays(self, box: Box, blocked: NDArray[np.uint8], n_cells: int) -> bool:
         """Whether sweeping is expected to be faster than following each ray.
 
-        Following takes time for each cell that a ray crosses; by Cauchy's formula the mean free
-        path in a plane of area A with obstacles of total perimeter P is pi A / P. Sweeping takes
-        time for each painted face, regardless of the number of cells.
+        Following visits each crossed cell; by Cauchy's formula the mean free path among obstacles
+        of perimeter P in an area A is pi A / P. Sweeping visits each painted face.
         """
         height, width = blocked.shape
         if max(height, width) + self._reach > _sweep.LARGEST_REGION:

@@ -25,8 +25,8 @@ class Listed(NamedTuple):
 class SweepRegion(NamedTuple):
     """The region that beams from a tile can reach, with a blocked rim.
 
-    Lists of faces are by columns counted from the map's own end even if the frame is ``backward``;
-    if it is ``downward`` they are mirrored, columns and rows, so that rows go up in any case.
+    Lists of faces count columns from the map's own end, even if the frame is ``backward``; if it is
+    ``downward`` they are mirrored so that rows go up.
     """
 
     blocked: NDArray[np.uint8]  # (rows, columns) of the map, neither mirrored nor swapped
@@ -133,8 +133,7 @@ class Surroundings:
     def faces(self, backward: bool, downward: bool) -> tuple[Listed, Listed]:
         """Near sides (begin and end of runs) and lower sides (rows) in the frame of an octant.
 
-        If ``downward``, columns are in opposite order and rows are counted from the other end, so
-        that rows go up in any case.
+        If ``downward``, columns and rows are mirrored, so that rows go up.
         """
         near = self.met_backward if backward else self.met_forward
         solid = self.solid

@@ -58,9 +58,7 @@ class MapAgreement:
 
 
 def map_agreement(grid: OccupancyGrid, drive: Trajectory) -> MapAgreement:
-    """Agreement of up to 200 steps of a drive, evenly spaced, with a map.
-
-    ``drive``: at least one step; poses in the frame of the map.
+    """Agreement of up to 200 steps of a drive in the frame of the map, evenly spaced, with a map.
 
     InputError: the drive has no step.
     """
@@ -96,8 +94,8 @@ def check_agreement(
 ) -> str | None:
     """A warning about a drive that does not fit a map, or None.
 
-    InputError: less than half of the poses or of the scans agree, and ``force`` is not set; the
-    message ends with ``otherwise``, what a user can do.
+    InputError with the advice ``otherwise`` if less than half of poses or scans agree, without
+    ``force``.
     """
     agreement = map_agreement(grid, drive)
     message = agreement.message(drive.name, map_name)

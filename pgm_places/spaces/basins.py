@@ -24,9 +24,8 @@ SMALLEST_SPACE_M2 = 1.0
 def open_space(grid: OccupancyGrid, smallest_m2: float = SMALLEST_SPACE_M2) -> NDArray[np.bool_]:
     """(H, W) which cells are open: free space with small obstacles filled, small pieces dropped.
 
-    Small obstacles have an area under 0.35 m2 and a length, the diagonal of the box around them,
-    under 1.3 m. Obstacles are connected by sides and corners, free space by sides. Obstacles within
-    a dropped piece are dropped with it.
+    Small obstacles, connected by sides and corners, have an area under 0.35 m2 and a length, the
+    diagonal of the box around them, under 1.3 m. Free space is connected by sides.
 
     Examples
     --------
@@ -56,8 +55,7 @@ def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
     """(H + 2, W + 2) smoothed distance to the nearest cell that is not open, with a frame of 0.
 
     The mean over 3 x 3 cells of the Euclidean distance between cell centres (Meijster, Roerdink and
-    Hesselink, 2000), in units of 1 / ``UNIT`` cells; 0 exactly where a cell is not open. Cells
-    outside the map are not open.
+    Hesselink, 2000), in units of 1 / ``UNIT`` cells; 0 where a cell is not open.
 
     Examples
     --------
@@ -73,9 +71,8 @@ def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
 def half_width_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
     """Half the width of the free space in metres at cells on its middle line, from their heights.
 
-    ``(relief / UNIT + 1/4) resolution_m``: smoothing lowers the distance on the middle line of a
-    passage by a quarter of a cell, to within a twelfth, for odd and even widths. For cells off the
-    middle line see ``clearance_m``.
+    ``(relief / UNIT + 1/4) resolution_m``: smoothing lowers the distance there by a quarter of a
+    cell, to within a twelfth. For other cells see ``clearance_m``.
     """
     return np.asarray((np.asarray(relief, np.float64) + _OFFSET) * (resolution_m / UNIT))
 
@@ -83,8 +80,7 @@ def half_width_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
 def clearance_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
     """Distance in metres from cell centres to the edge of the nearest wall, from their heights.
 
-    ``(relief / UNIT - 1/2) resolution_m``, at least 0; up to 3/4 of a cell less on the middle line
-    of a passage, which smoothing lowers.
+    ``(relief / UNIT - 1/2) resolution_m``, at least 0; up to 3/4 of a cell less on middle lines.
     """
     cells = np.asarray(relief, np.float64) / UNIT - 0.5
     return np.asarray(np.maximum(cells, 0.0) * resolution_m)
@@ -144,11 +140,9 @@ def neighbour_steps(padded_width: int) -> NDArray[np.int64]:
 def find_basins(relief: NDArray[np.int32]) -> Basins:
     """The basins of a relief (H + 2, W + 2) with a frame of 0.
 
-    Every cell goes to the summit reached by steepest ascent, crossing plateaus to the nearest cells
-    that ascend. If it reaches several summits, the cell goes to the highest, then to the one with
-    the largest plateau, then to the basin with the larger area and volume. Cells for which all of
-    these are tied form lines between the basins and belong to none, because any choice would depend
-    on the orientation of the map.
+    Every cell goes to the summit reached by steepest ascent, across plateaus to the nearest
+    ascending cells: to the highest of several summits, then the largest plateau, area, volume.
+    Cells still tied form lines between basins, as any choice would depend on the map's orientation.
     """
     flat, steps = relief.reshape(-1), neighbour_steps(relief.shape[1])
     ways = np.zeros(flat.size, np.uint8)

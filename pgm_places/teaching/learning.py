@@ -133,9 +133,9 @@ class Learning:
     def taught(self, labeler: PlaceLabeler, paint: CellPaint, method: str) -> PlaceLabeler:
         """A copy of a labeler, trained further on the paint.
 
-        The list of the method gets further rounds, and so does the list of gates if gates are
-        painted. New classes are placed first in the list; then methods that have learned which
-        labels are neighbours are replaced by a light Potts field.
+        The method's list gets further rounds, and so does the list of gates if gates are painted.
+        New classes come first in the list; they replace methods with learned neighbour statistics
+        by a light Potts field.
         """
         if not paint.used:
             return labeler
@@ -251,10 +251,10 @@ def _for_new_classes(methods: dict[str, PlaceMethod]) -> dict[str, PlaceMethod]:
 
 
 def learned_alone(paint: CellPaint, table: CellTable, options: TeachingOptions) -> PlaceLabeler:
-    """A labeler that is trained on the paint alone.
+    """A labeler trained on the paint alone, with a light Potts field.
 
-    It has a list of trees with space features, a short list of stumps on laser features, a list
-    of gates if both doorways and other openings are painted, and a light Potts field.
+    Trees on space features, a few stumps on laser features, and a list of gates if doorways and
+    other openings are painted.
     """
     from pgm_places.models.decision_list import DecisionListClassifier
 

@@ -11,10 +11,9 @@ from pgm_places.topology.regions import Region
 
 @dataclass(frozen=True)
 class FeatureVote:
-    """The contribution of one feature to the log-odds of a question: for the class if positive.
+    """The contribution of one feature to the log-odds of a question, positive for the class.
 
-    ``of_space``: it describes the place around the cell rather than the cell's scan. ``threshold``
-    is the one with the largest weight.
+    ``of_space``: of the place, not the scan. ``threshold``: the one with the largest weight.
     """
 
     name: str
@@ -33,8 +32,8 @@ class FeatureVote:
 class Question:
     """One class of the decision list: whether the cell has this class, or a later one of the list.
 
-    ``log_odds = bias + sum of votes``, exactly; ``exp(log_odds)`` are the odds of yes. ``bias`` is
-    of the calibration and the trees, not of the cell; votes are by descending weight.
+    ``log_odds = bias + sum of votes``, exactly; ``exp(log_odds)`` are the odds of yes. ``bias``
+    does not depend on the cell; votes are by descending weight.
     """
 
     label: str
@@ -61,8 +60,7 @@ class Question:
 class NeighbourPull:
     """A neighbour in the graph with its final label, and its influence on the label.
 
-    ``towards`` is its probability of the cell's final label less that of the cell's label before
-    inference, -1 to 1; without probabilities 1, 0 or -1 by its label.
+    ``towards``: its probability of the cell's final label less its first label's; else 1, 0 or -1.
     """
 
     x_m: float

@@ -49,10 +49,9 @@ def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) ->
 
 
 def cut_pieces(pieces: Components, grid: OccupancyGrid, lines: Iterable[Line]) -> Components:
-    """The pieces, each divided along the lines through it.
+    """The pieces, each divided along the lines through it; the largest part keeps the number.
 
-    A line divides the piece with the largest share of its points; a line that does not separate two
-    parts has no effect. The largest part keeps the number, the others get new ones.
+    A line divides the piece with most of its points, unless it does not separate two parts.
     """
     piece, label = pieces.piece.copy(), pieces.label.tolist()
     for line in lines:
@@ -147,8 +146,8 @@ def line_width_m(line: Line) -> float:
 def has_jambs(topology: TopologicalMap, place: Region, line: Line) -> bool:
     """Whether a line ends at a jamb on one side, and at a jamb or a corner on the other.
 
-    Beyond an end, the place extends by at least 0.15 m on both sides of a jamb, and on one side of
-    a corner, 0.2 or 0.35 m from the line.
+    Beyond an end, the place extends at least 0.15 m on both sides of a jamb, one side of a corner,
+    0.2 or 0.35 m from the line.
     """
     ends = np.array(line)
     along = (ends[1] - ends[0]) / max(line_width_m(line), 1e-9)
@@ -179,12 +178,10 @@ def _beyond_m(
 def opening_cuts(
     topology: TopologicalMap, place: Region, narrower_than_m: float
 ) -> list[tuple[tuple[Line, ...], float]]:
-    """Sets of lines across one to three openings that together can divide a place.
+    """Sets of one to three lines across narrow gate candidates that together divide a place.
 
-    Each set comes with the depth in metres of its deepest opening. A room with two open doors to a
-    corridor is one place with it until both are cut. Openings are gate candidates within the place
-    that are narrow enough. Of all sets that separate two neighbouring segments, the set with the
-    smallest total width is used.
+    Each set has the depth in metres of its deepest opening; of sets that separate the same two
+    segments, the one of smallest total width. Two open doors must both be cut.
     """
     alone = _alone(topology, place)
     gates = gate_candidates(Segmentation.of(alone))

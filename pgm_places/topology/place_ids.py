@@ -81,19 +81,17 @@ class IdentifiedPlaces(Protocol):
 class PlaceIds:
     """Recognises places by their class and area, even after maps without them.
 
-    Each place is stored in its last known state. A piece of the next map can match a place of the
-    same class in four cases: their intersection over union is at least a quarter; the place lies in
-    the piece (it has grown); the piece lies in a place of the last map (it has shrunk); or both are
-    as small as doorways and near each other. Places are matched by maximum total overlap (the
-    Hungarian method); recent and long-lived places get a bonus. A place that is divided and merged
-    keeps its id, and its other part gets its old id back after another division.
+    A piece of the next map can match the last known state of a place of its class if their
+    intersection over union is at least a quarter; if the place lies in the piece (it has grown); if
+    the piece lies in a place of the last map (it has shrunk); or if both are as small as doorways
+    and near each other. Matching maximises the total overlap (the Hungarian method), with a bonus
+    for recent and long-lived places. A place that is divided and merged keeps its id, and so does
+    its other part.
 
-    ``places``: by id. ``raster``: the raster of their cells; only its frame is used. None before
-    the first map. ``last``: ids in the last map. ``next_id``: the first id that has never been
-    used. ``n_maps``: number of maps so far. ``names``: the name of every id. ``anchors_m``: where
-    each place is anchored. ``merged``: for vanished places of the last map: the place that has most
-    of their area now. ``parted``: for new places: the place of the previous map that had most of
-    their area.
+    ``raster`` is the frame of the cells of ``places``, None before the first map; ``last`` the ids
+    in the last map, ``next_id`` the first unused id, ``anchors_m`` the places' anchors. ``merged``
+    maps vanished places to the place with most of their area now; ``parted`` maps new places to the
+    previous map's place that had most of theirs.
     """
 
     def __init__(self) -> None:
@@ -158,10 +156,10 @@ class PlaceIds:
         self.last = frozenset(region.id for region in topology.regions)
 
     def fit_to(self, grid: OccupancyGrid) -> str:
-        """Adopt an edited origin of the next map; a warning, or "".
+        """Adopt an edited origin of the next map, which moves all cells in the map frame.
 
-        An edited origin moves all cells in the map frame, but not in the raster. The warning says
-        that the map is a different one if most places of the last map are not free in it.
+        Returns a warning of an edited origin, or of another map, where most places are not free;
+        else "".
         """
         if self.raster is None or not self.last:
             return ""
@@ -320,8 +318,7 @@ def number_on(
 ) -> tuple[list[int], int]:
     """The ids with each 0 replaced by a new id from ``next_id`` on, and the next unused id.
 
-    New ids run from top to bottom and from left to right, doorways last, so that the numbers of
-    rooms and corridors on a map are consecutive.
+    New ids run from top left to bottom right, doorways last, so that rooms have consecutive ids.
     """
     is_doorway = np.array([label_names[label] == doorway_label for label in pieces.label], np.bool_)
     order = reading_order(pieces, grid)
@@ -359,15 +356,9 @@ def name_places(
     known: Mapping[int, str] | None = None,
     own: Mapping[int, str] | None = None,
 ) -> list[str]:
-    """A name per place: the user's name, else its earlier name, else its class and id.
+    """A name per place: the user's ``own``, the earlier one (``known``), or its class and id.
 
-    Earlier names such as ``"room 3"`` are replaced by the class and the id, so that a place has one
-    number.
-
-    ``ids``, ``labels``: id and class of each place. ``known``: names from an earlier run. ``own``:
-    the user's names.
-
-    LabelError: two places have the same name.
+    Earlier names such as ``"room 3"`` get the new class and id. LabelError for equal names.
 
     Examples
     --------

@@ -25,11 +25,9 @@ def window_means(
     half_widths_m: Sequence[float],
     resolution_m: float,
 ) -> NDArray[np.float32]:
-    """(N, W * K) means of node values over square windows centred at each node.
+    """(N, W * K) means of the nodes' ``values`` (N, K) over square windows around each node.
 
-    ``layout``: the cells that are nodes; only they are averaged over. ``values`` (N, K): for place
-    labelling, the label histogram z of each cell. ``half_widths_m``: half the side of each window,
-    in metres; rounded to whole cells, at least one. ``resolution_m``: side of a cell.
+    ``half_widths_m``: half the side of each window, rounded to cells, at least one.
     """
     require_shape("values", values.shape, (layout.n_nodes, "K"))
     n_labels = values.shape[1]
@@ -49,14 +47,10 @@ def iter_window_means(
     half_widths_m: Sequence[float],
     resolution_m: float,
 ) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-    """:func:`window_means` in bands of rows, with memory independent of the map's height.
+    """:func:`window_means`, bit for bit, in bands of rows, with memory independent of the height.
 
-    ``layout``, ``half_widths_m``, ``resolution_m``: as in :func:`window_means`; the nodes in
-    row-major order. ``values``: returns the values (n, K) of a range of nodes; called once for each
-    node, in order. ``n_labels``: K.
-
-    Yields slice, (n, W * K) float32: A range of nodes and their means, with the same bits as
-    :func:`window_means`.
+    ``values`` returns (n, K) for a range of nodes, called once for each in order. Yields a range
+    and its (n, W * K) means.
     """
     height, width = layout.shape
     # Wider windows than the map give the same means: there is nothing to average beyond it.
@@ -88,8 +82,7 @@ def iter_window_means(
 class _RollingIntegral:
     """Integral images of several planes, restricted to the rows in use.
 
-    Row r, column c of an integral image is the sum of the plane's first r rows and c columns. Rows
-    are added in order, so that the sums have the same bits for any size of bands.
+    Entry (r, c) sums the first r rows and c columns, added in order for any size of bands.
     """
 
     def __init__(self, n_planes: int, width: int) -> None:
@@ -134,10 +127,9 @@ _CELLS_PER_TASK = 1024
 
 
 class LaserScorer:
-    """Scores by the list on laser and custom features, block by block.
+    """Scores (N, K) by the list on laser and custom features, block by block.
 
-    ``unary``: name of its scores. ``columns`` (n,): the laser and custom columns that it uses,
-    ascending. ``scores`` (N, K): the scores of the nodes.
+    ``columns`` (n,): the laser and custom columns that it uses, ascending.
     """
 
     unary = "laser"
@@ -173,11 +165,7 @@ class LaserScorer:
 
 
 class ContextScorer(LaserScorer):
-    """Votes of the list with context on laser and custom features.
-
-    Votes on context follow once all scores are known; stumps on scans vote at once, so that the
-    features of scans need not be stored.
-    """
+    """Votes of the list with context: on scans at once, on context once all scores are known."""
 
     unary = "context"
 

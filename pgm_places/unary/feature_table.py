@@ -67,15 +67,11 @@ T = TypeVar("T", bound=np.generic)
 
 
 class CachedFeatures:
-    """Rows of features that stay in place while maps change, with cached scores.
+    """Rows of features that stay in place while maps change, with cached scores of one model.
 
-    A cell keeps its row while its scan does not change. A list rescores only rows that were written
-    since, or whose additional inputs have changed. A table belongs to one model.
-
-    ``columns`` (C,): the laser and custom columns that the table holds, ascending.
-
-    ``values`` (R, C): more rows than cells, as a rule. ``row_of`` (N,): the row of each node of the
-    last map.
+    A list rescores only rows written since, or whose additional inputs have changed. ``columns``
+    (C,): laser and custom columns, ascending. ``values`` (R, C): mostly more rows than cells.
+    ``row_of`` (N,): the row of each node of the last map.
     """
 
     def __init__(self, columns: NDArray[np.int64]) -> None:
@@ -151,11 +147,10 @@ class CachedFeatures:
         extra: NDArray[np.float32],
         score: Callable[[NDArray[np.int64]], NDArray[np.float64]],
     ) -> NDArray[np.float64]:
-        """(n, K) a list's scores of nodes; ``score`` is called for outdated ones.
+        """(n, K) scores of ``nodes`` by the list ``name``, as passed to :meth:`prepare`.
 
-        ``name``: name of the list, as passed to :meth:`prepare`. ``nodes`` (n,). ``extra`` (n, B):
-        inputs of the list in addition to the row. ``score``: from positions (m,) in ``nodes`` to
-        scores (m, K); each depends on its row and its additional inputs only.
+        ``score``: from positions (m,) in ``nodes`` to scores (m, K), for outdated ones; each
+        depends on its row and its additional inputs ``extra`` (n, B) only.
         """
         cached, rows = self._scores[name], self.row_of[nodes]
         stale = cached.version[rows] != self._written[rows]

@@ -134,8 +134,8 @@ def _line(
 class _Rays:
     """Free rays from points in all directions, sampled every half cell, the point itself first.
 
-    ``length`` (n, D): how many samples are free before the first that is not. ``total``, ``first``
-    (n, D): the probability of a doorway, summed over these samples, and of the first.
+    ``length`` (n, D): free samples before the first other one. ``total``, ``first`` (n, D): the sum
+    and the first of their probabilities of a doorway.
     """
 
     def __init__(self, free: NDArray[np.bool_], probability: NDArray[np.float32]) -> None:

@@ -18,9 +18,8 @@ HALL, CORRIDOR, ROOM = "hall", "corridor", "room"
 class HallNames:
     """The labels of a training set with halls, and the labels with halls folded into corridors.
 
-    A hall is circulation other than a corridor. The distinction of corridors from rooms is
-    learned with halls and corridors together, and a further list distinguishes the two. Labelling
-    halls as corridors is therefore as accurate as training without a label of halls.
+    A list distinguishes circulation from rooms, and a further one halls from corridors: labels
+    without halls are as accurate as if trained without.
     """
 
     names: tuple[str, ...]  # all labels, the hall among them
@@ -52,10 +51,9 @@ class HallNames:
         return np.asarray(item.labels[mask] == self.names.index(HALL))
 
     def split(self, labeling: Labeling, share: NDArray[np.float32], halls: HallsAs) -> Labeling:
-        """A labelling with halls labelled as chosen, from a labelling by the folded labels.
+        """A labelling with halls labelled as chosen, from one by the folded labels.
 
-        ``labeling``: of N nodes by the folded labels. ``share`` (N,): the probability that each
-        node lies in a hall if it is circulation.
+        ``share`` (N,): the probability that each node lies in a hall if it is circulation.
         """
         if halls == "corridor":
             return labeling

@@ -38,10 +38,9 @@ _FLOOR_REACH_M = 16.0
 
 
 class _AroundRobot(ABC):
-    """Rows of values at the positions of a path, from the square of the map around the robot.
+    """Rows of values at positions of a path, from a square of the map renewed every ``every_m``.
 
-    The square is renewed after every ``every_m`` metres; steps in between look up their cell in the
-    latest one. Off the map, the row is ``outside`` (F,).
+    Off the map, the row is ``outside`` (F,).
     """
 
     def __init__(
@@ -86,11 +85,9 @@ class _AroundRobot(ABC):
 class LocalSpaceFeatures(_AroundRobot):
     """The features (F,) float32 of the segments around a moving robot; 0 off the map.
 
-    A square of the map around the robot is divided into segments
-    (:class:`pgm_places.spaces.segmentation.Segmentation`) after every quarter of a metre.
-
-    ``source``: the rolling map of the robot, or a known map, in the frame of the poses.
-    ``reach_m``: half the side of the square in metres.
+    A square of ``source``, a known or the robot's rolling map, is divided into segments
+    (:class:`pgm_places.spaces.segmentation.Segmentation`) every quarter of a metre; ``reach_m`` is
+    half its side.
 
     Examples
     --------
@@ -112,11 +109,7 @@ class LocalSpaceFeatures(_AroundRobot):
 
 
 class LocalFloor(_AroundRobot):
-    """Floor-network log-probabilities (K,) along a robot's path; nan off the map.
-
-    One network is evaluated at a time, in turn, which limits the delay; over a few metres all of
-    them contribute.
-    """
+    """(K,) log-probabilities along a robot's path, by the networks in turn; nan off the map."""
 
     def __init__(self, source: LocalMap | OccupancyGrid, model: FloorModel) -> None:
         outside = np.full(len(model.columns), np.nan)
@@ -134,8 +127,8 @@ def with_local_floor(
 ) -> NDArray[np.float64]:
     """(..., K) the weighted mean of the log-odds of the list and of the networks at steps.
 
-    Steps without network scores (nan) keep those of the list; see
-    :func:`pgm_places.unary.floor_model.with_floor`.
+    Steps without network scores (nan) keep the list's;
+    :func:`~pgm_places.unary.floor_model.with_floor`.
     """
     return np.where(np.isnan(scores), log_z, model.mean(log_z, np.nan_to_num(scores)))
 

@@ -64,10 +64,9 @@ class MapSpaces:
         return self.nodes_at_gates(layout).of(np.arange(layout.n_nodes))
 
     def nodes_at_gates(self, layout: GridLayout) -> "AtGates":
-        """The nodes of a layout that lie at gates.
+        """The nodes of a layout in rectangles of gates.
 
-        A node lies at a gate if it is in its rectangle, extended by 0.1 m at both ends and to a
-        depth of at least 0.6 m on both sides.
+        Each is extended by 0.1 m at both ends, and to a depth of at least 0.6 m on both sides.
         """
         node, gate = self.nodes_and_gates(layout).T
         probability = self.probability[gate]
@@ -139,8 +138,8 @@ class SpaceModel:
     ) -> MapSpaces:
         """The spaces between the candidates of a map, with observed labels for covered gates.
 
-        A gate that matches an observed doorway is a doorway. A gate with other observed labels on
-        at least half of its cells is none. An observed doorway without a gate becomes one.
+        A gate at an observed doorway is a doorway; one with other observed labels on half of its
+        cells is none. An observed doorway without a gate becomes one.
         """
         heard = None if self.gates is None else judge
         if heard is not None and len(cuts := heard.cuts(candidates)):
@@ -275,11 +274,10 @@ def gate_list(
     fold: NDArray[np.int64],
     mask: NDArray[np.bool_],
 ) -> BoostedList | None:
-    """The list fitted on some gates; None if all of them are doorways, or none is.
+    """The list fitted on the gates of ``mask`` (G,); None unless some, not all, are doorways.
 
-    ``values`` (G, F): see :func:`pgm_places.spaces.gates.gate_features`. ``truth`` (G,): 1 for
-    doorways, else 0. ``fold`` (G,): folds for calibrating the probabilities; with fewer than three
-    folds, they are not calibrated. ``mask`` (G,): the gates to learn from.
+    ``values`` (G, F): :func:`pgm_places.spaces.gates.gate_features`. ``truth`` (G,): 1 for
+    doorways, else 0. Three or more ``fold`` (G,) calibrate the probabilities.
     """
     from pgm_places.models.decision_list import DecisionListClassifier
 

@@ -25,8 +25,7 @@ _AT_ONCE = 65_536
 class TrainingCells:
     """All labelled cells of maps, numbered map after map in node order, and which are examples.
 
-    If all cells are examples, all features are in memory. If examples are a sample, features of
-    other cells are computed on demand, so that memory grows with the sample only.
+    Features of cells outside a sample of examples are computed on demand, to save memory.
     """
 
     maps: tuple[LabelledMap, ...]
@@ -53,10 +52,9 @@ class TrainingCells:
         wants_all: bool = False,
         feature_cache: FeatureTables | None = None,
     ) -> Self:
-        """The cells of some maps, with at most ``limit`` examples of each, drawn from the seed.
+        """The cells of some maps, with at most ``limit`` examples of each, drawn by the seed.
 
-        The drawn cells of a map do not depend on the other maps. ``wants_all`` announces a call of
-        :meth:`blocks`, so that the cache stores all cells.
+        ``wants_all`` announces a call of :meth:`blocks`, so that the cache stores all cells.
         """
         masks = [item.labelled_cells for item in maps]
         truth = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
@@ -129,8 +127,8 @@ def training_features(
 ) -> NDArray[np.float32]:
     """(N, F) laser and custom features of cells, map after map in node order.
 
-    By default of all labelled cells, else of the cells in ``masks`` (H, W). A cache stores the
-    cells in ``stored`` (H, W), which contain these.
+    Of all labelled cells, or the cells in ``masks`` (H, W), among those ``stored`` (H, W) in a
+    cache.
     """
     masks = [item.labelled_cells for item in maps] if masks is None else masks
     if feature_cache is not None:

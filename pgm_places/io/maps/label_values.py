@@ -166,8 +166,8 @@ def palette_of(values: Sequence[int]) -> NDArray[np.uint8]:
 def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
     """Whether an indexed image is read by its colours rather than by its indices.
 
-    Colours count if all of them are greys, or if an editor has renumbered the palette of a label
-    image. Otherwise the indices count. A LabelError if both are possible, with different labels.
+    It is if all colours are greys, or if an editor has renumbered the palette of a label image.
+    LabelError if both readings are possible, with different labels.
     """
     used = np.zeros(256, np.bool_)
     for strip in image.strips(indices=True):

@@ -85,10 +85,10 @@ class PixelRules:
         return occupancy, cells
 
     def _nav2_table(self, mode: Mode, n_channels: int) -> NDArray[np.int8]:
-        """Single precision: ``p = 1 - grey / 255`` (``grey / 255`` with negate).
+        """``p = 1 - grey / 255`` (``grey / 255`` with negate) in single precision.
 
-        Occupied where ``p >= occupied_thresh``, free where ``p <= free_thresh``, which goes first;
-        scale rounds half up. Raw mode ignores negate.
+        ``p <= free_thresh`` is free, else ``p >= occupied_thresh`` occupied; scale rounds half up.
+        Raw mode ignores negate.
         """
         level = np.arange(255 * n_channels + 1)
         if mode == "raw":
@@ -172,9 +172,8 @@ class Fractions(NamedTuple):
 class MapPixels:
     """The decoded cells (H, W) in grid order, with counts (256,) of opaque pixels of each grey.
 
-    ``occupancy`` is what map_server would publish; None where that is ``cells``. ``unknown_value``
-    is the grey read as unknown regardless of thresholds; ``is_meant`` if the image alone decided
-    it.
+    ``occupancy`` as map_server publishes it, None if equal to ``cells``. ``unknown_value``: the
+    grey read as unknown regardless of thresholds; ``is_meant`` if the image alone decided it.
     """
 
     cells: NDArray[np.int8]

@@ -63,8 +63,8 @@ def wall_threshold(
 ) -> tuple[int, float] | None:
     """The grey of walls that were read as unknown, and an ``occupied_thresh`` that includes them.
 
-    Walls are the greys near free space that are more probably occupied than the most frequent grey
-    of unknown cells. None without such greys. ``rules`` gave ``cells`` (H, W).
+    Walls are greys near free space that are more probably occupied than the most frequent unknown
+    grey; None without any. ``rules`` gave ``cells`` (H, W).
     """
     height = cells.shape[0]
     every, beside = np.zeros(256, np.int64), np.zeros(256, np.int64)

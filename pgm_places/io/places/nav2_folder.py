@@ -144,8 +144,7 @@ def check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
 def _route_server(graph: Path, speeds_m_s: Mapping[str, float]) -> dict[str, Any]:
     """Parameters of the Route Server: routes are compared by time if there are speed limits.
 
-    Without AdjustSpeedLimit: at every edge without its own percentage it lifts the limit, on the
-    topic of the speed filter.
+    No AdjustSpeedLimit: edges without a percentage would lift the speed filter's limit.
     """
     scorer = "TimeScorer" if speeds_m_s else "DistanceScorer"
     values: dict[str, Any] = {"plugin": f"nav2_route::{scorer}"}

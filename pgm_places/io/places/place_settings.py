@@ -53,10 +53,10 @@ class _GateRecord:
 
 
 def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
-    """Write the settings into a folder; returns the paths.
+    """Write rules and gates to ``details/settings.json`` in a folder; returns the paths.
 
-    ``details/settings.json`` holds the rules and the gates. With gates, ``details/gate_places.png``
-    holds the place between gates at each cell (16 bits, from 1, 0 for none, the top row first).
+    With gates, ``details/gate_places.png`` has the place between gates at each cell (16 bits, from
+    1, 0 for none, the top row first).
     """
     record: dict[str, Any] = {
         "format": SETTINGS_FORMAT,

@@ -72,8 +72,8 @@ MAX_BYTES = 1 << 20
 class ExportRequest:
     """The parameters of an export of places, as in ``pgm-places export``.
 
-    ``values`` are ``NAME=NUMBER``; ``keep_out`` names classes and places that the robot must not
-    enter; without ``map_yaml`` the labelled map, without ``out`` the folder of the places.
+    ``values`` are ``NAME=NUMBER``; ``keep_out`` names forbidden classes and places; ``map_yaml``
+    and ``out`` are by default the labelled map and the folder of the places.
     """
 
     to: str
