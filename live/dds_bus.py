@@ -186,10 +186,7 @@ class DdsBus:
         return DdsWriter(pubs.DataWriter(self._participant, entity, qos=qos), self._class_of(what))
 
     def take(self, on_message: Callable[[str, bytes], None]) -> int:
-        """Hand over all received messages, topic by topic in the order of subscription.
-
-        The number of messages is returned.
-        """
+        """Hand over all received messages, in the order of subscriptions; returns their number."""
         count = 0
         for what, item in self._readers.items():
             for sample in item.reader.take(N=item.depth):

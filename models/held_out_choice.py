@@ -172,10 +172,7 @@ def best_candidate(
 
 
 def mean_scores(tables: Iterable[NDArray[np.int64] | NDArray[np.float64]]) -> tuple[float, float]:
-    """Accuracy and balanced accuracy, averaged over the kinds of nodes that occur.
-
-    ``tables`` (K, K) are confusion counts (truth, label), one for each kind.
-    """
+    """Mean accuracy and balanced accuracy of confusion tables (K, K), one per kind of nodes."""
     some = [table for table in tables if table.any()]
     accuracy = float(np.mean([np.trace(table) / table.sum() for table in some]))
     return accuracy, float(np.mean([balanced_accuracy(table) for table in some]))

@@ -72,10 +72,7 @@ Fit = TypeVar("Fit", bound=Callable[..., Any])
 
 
 def learned_by_frequency(fit: Fit) -> Fit:
-    """Decorator of a linear model's ``fit`` that sorts labels by frequency.
-
-    A warm-started model (``warm_start``) keeps its order.
-    """
+    """Decorator of ``fit`` that sorts labels by frequency, except in a warm-started model."""
 
     @wraps(fit)
     def ordered(

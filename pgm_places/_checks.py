@@ -216,10 +216,7 @@ def integer_array(
     high: int,
     narrow: bool = False,
 ) -> NDArray[np.int64]:
-    """``values`` as an integer array of the stated shape with ``low <= value < high``.
-
-    The type is int64; with ``narrow``, int32 stays as it is.
-    """
+    """An int64 array of a shape with ``low <= value < high``; ``narrow`` leaves int32 as it is."""
     array = number_array(name, values, None)
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{name} must hold integers, got dtype {array.dtype}")

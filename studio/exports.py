@@ -74,10 +74,7 @@ class Export:
 
 
 def exports_record(session: MapSession, folders: ExportFolders, chosen: str = "") -> dict[str, Any]:
-    """A folder, and for each export its files, whether they exist, and whether they are outdated.
-
-    As plain data for the browser.
-    """
+    """A folder and its exports: files, whether they exist, and are outdated, as plain data."""
     folder = folders.chosen(chosen, session.folder)
     record, now = ExportRecord(session.folder / RECORD_FILE), session.question
     items = []

@@ -176,10 +176,7 @@ class Painting:
         return int(np.count_nonzero(self.labels >= 0))
 
     def paint_runs(self, runs: NDArray[np.int64], label: int) -> Window | None:
-        """Paint runs of cells: (n, 3) row, first column and length; -1 erases.
-
-        None where nothing changes.
-        """
+        """Paint runs (n, 3): row, first column, length; -1 erases. None where nothing changes."""
         if not -1 <= label < len(self.classes):
             raise InputError(f"there is no class {label}; there are {len(self.classes)}")
         if not Repaint.of_runs(self.labels, runs, label):

@@ -192,10 +192,7 @@ def _in_classes(labels: NDArray[np.int16], class_of: NDArray[np.int16]) -> NDArr
 def quick_labels(
     labeler: PlaceLabeler | None, grid: OccupancyGrid, n_threads: int | None = None
 ) -> NDArray[np.int16] | None:
-    """(H, W) labels from one network in one orientation, -1 for none; None without networks.
-
-    One view by one network costs a sixteenth of all views by four networks, and no scans.
-    """
+    """(H, W) labels, -1 for none, from one view by one network; None without networks."""
     floor = None if labeler is None else labeler.unary_model_.floor
     if floor is None or labeler is None:
         return None

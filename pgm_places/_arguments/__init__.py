@@ -57,10 +57,7 @@ def attributes(item: Any) -> dict[str, Any]:
 
 
 def arrays_of(value: Any) -> list[Any]:
-    """The arrays in a value: itself, or inside a sparse array, tuple, list, mapping or record.
-
-    Records decorated with :func:`travels` handle their own arrays.
-    """
+    """The arrays in a value: itself, or inside a sparse array, tuple, list, mapping or record."""
     if hasattr(value, "setflags") and hasattr(value, "flags"):
         return [value]
     parts: Iterable[Any] = ()

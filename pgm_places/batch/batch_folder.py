@@ -89,10 +89,7 @@ def claim_of(out: Path, name: str) -> Path:
 
 
 def remove_crash_leftovers(out: Path) -> None:
-    """Remove lock files and partial output of crashed workers, by their names.
-
-    Later runs skip labelled maps and would leave their leftovers.
-    """
+    """Remove lock files and partial output of crashed workers, also of maps that are labelled."""
     claims = out / _CLAIMS
     if claims.is_symlink():
         raise OutputError(f"cannot write {claims}: it is a symbolic link; remove it")

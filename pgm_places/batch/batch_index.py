@@ -148,10 +148,7 @@ class BatchIndex:
         return [path for path in paths if path.exists()]
 
     def settle(self, *, at_the_end: bool = False) -> Overview:
-        """Sort the tables, reduce them to the newest row of each map, and count the rows.
-
-        At the end, rows of removed results and failures of removed maps are dropped.
-        """
+        """Sort and count the newest rows of each map; at the end, drop rows of removed maps."""
         self._written_s = time.monotonic()
         with locked(self.out):
             both = _tagged(self._summary, is_row=True), _tagged(self._failures, is_row=False)

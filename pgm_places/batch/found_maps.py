@@ -36,10 +36,7 @@ class FoundMap:
 
 @dataclass(frozen=True)
 class FoundMaps:
-    """The maps of a command line, sorted by name; names are relative to the absolute ``root``.
-
-    ``n_passed_over`` YAML files described no map.
-    """
+    """The maps below ``root``, sorted by name; ``n_passed_over`` YAML files described no map."""
 
     maps: tuple[FoundMap, ...]
     n_passed_over: int

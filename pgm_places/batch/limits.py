@@ -92,10 +92,7 @@ def end_with_parent() -> None:
 
 
 def limit_memory(n_bytes: int) -> None:
-    """Let allocations beyond ``n_bytes`` fail, where the system supports it.
-
-    Counts private writable memory (Linux: ``RLIMIT_DATA``), not unused reserved address space.
-    """
+    """Let allocations of private memory beyond ``n_bytes`` fail (Linux: ``RLIMIT_DATA``)."""
     try:
         import resource
     except ImportError:  # Windows

@@ -107,10 +107,7 @@ class WorkerProcess:
     def result(
         self, function: Callable[[Task], Any], task: Task, limit_s: float | None = None
     ) -> Any:
-        """Run a task: its result, None after too many crashes, or ``TIMED_OUT``.
-
-        The process is killed some seconds after the time limit.
-        """
+        """A task's result, None after too many crashes, or ``TIMED_OUT`` after the time limit."""
         for _ in range(_MOST_DEATHS):
             try:
                 if limit_s is not None and (ready := self._submitted(bool, 0)) is not None:
@@ -207,10 +204,7 @@ def _may_have_children() -> Iterator[None]:
 
 
 def start_trackers() -> None:
-    """Start the resource trackers, which clean up after crashed workers, unless they are running.
-
-    loky would start them itself, but without a safe import path.
-    """
+    """Start loky's resource trackers, unless they are running, with a safe import path."""
     from joblib.externals.loky.backend import resource_tracker
 
     with _safe_path():

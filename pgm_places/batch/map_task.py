@@ -84,10 +84,7 @@ class LabelledRow:
 
 @dataclass(frozen=True)
 class Failure:
-    """A map that could not be labelled, with the class of the error and one line.
-
-    ``of_worker``: the worker may be at fault, so that another worker could succeed.
-    """
+    """A map's error in one line; ``of_worker``: another worker could succeed."""
 
     name: str
     map: str

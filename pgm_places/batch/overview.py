@@ -44,10 +44,7 @@ class FolderSums:
 
 @dataclass
 class Overview:
-    """Sums over all maps and by the first folder of their names, and the rows of the page.
-
-    ``n_gone`` labelled maps, the first of them in ``gone``, are no longer in the input.
-    """
+    """Sums over all maps and by first folder, the page's rows, and maps ``gone`` from the input."""
 
     labels: tuple[str, ...]
     total: FolderSums = field(default_factory=FolderSums)
@@ -110,10 +107,7 @@ PAGE_MARK = b"<title>Labelled maps</title>"
 
 
 def overview_page(overview: Overview, out: Path | None) -> str:
-    """The page as HTML, with pictures from the result folders below ``out``.
-
-    For results on another machine, ``out`` is None and existing files are not checked.
-    """
+    """The page as HTML, with pictures below ``out``; None for results on another machine."""
     rows = [
         {
             **row,

@@ -76,10 +76,7 @@ _CHECKED_AT_ONCE = 2_000
 
 
 def done_rows(tasks: Iterable[MapTask]) -> Iterator[tuple[MapTask, LabelledRow | None]]:
-    """The tasks, each with its row if its map is labelled and up to date; writes nothing.
-
-    Remote results are listed by folder, and the files to compare are fetched concurrently.
-    """
+    """The tasks, each with its row if its map is labelled and up to date; writes nothing."""
     remaining = iter(tasks)
     while group := list(islice(remaining, _CHECKED_AT_ONCE)):
         remote = next((RemoteFolder.at(path) for path in _remote_paths(group)), None)

@@ -21,10 +21,7 @@ def band_limit(cells: int) -> Iterator[None]:
 
 
 def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slice]:
-    """Bands of rows of a raster (H, W), so small that temporaries for a band take little memory.
-
-    All bands but the last hold a multiple of ``multiple`` rows.
-    """
+    """Bands of a raster's rows; all but the last have a multiple of ``multiple`` rows."""
     high = multiple * max(1, _MOST_CELLS.get() // max(shape[1] * multiple, 1))
     for first in range(0, shape[0], high):
         yield slice(first, min(first + high, shape[0]))

@@ -182,10 +182,7 @@ def _read_parquet(path: Path) -> Table:
 
 
 def read_graphml(path: Path, node: str, ends: tuple[str, str]) -> GraphTables:
-    """A GraphML file as tables; an attribute that a node or an edge lacks is None.
-
-    ``node`` and ``ends`` name the columns of node names and of the ends of edges.
-    """
+    """A GraphML file as tables with columns ``node`` and ``ends``; missing attributes are None."""
     import networkx as nx
 
     with open_input(path, InputError, _GRAPHML, max_bytes=MAX_BYTES) as raw:

@@ -141,10 +141,7 @@ def read_json(path: Path, error: type[InputError], what: str, *, max_bytes: int)
 def read_record(
     path: Path, what: str, form: str, schema: int, *, max_bytes: int, remedy: str
 ) -> Iterator[dict[str, Any]]:
-    """The record in a JSON file of this package; errors in the block name the file.
-
-    Messages end with ``remedy``, the advice.
-    """
+    """The record in a JSON file of this package; errors name the file, and the ``remedy``."""
     record = read_json(path, InputError, what, max_bytes=max_bytes)
     if not isinstance(record, dict) or record.get("format") != form:
         raise InputError(f"{path} does not hold {what}; {remedy}")

@@ -98,10 +98,7 @@ def output_set(
 
 
 def claim(folder: Path | str, *, force: bool = False) -> Path:
-    """Mark a folder as one of this package with a record, empty if new; returns the folder.
-
-    For results that arrive over hours, and for the state from which a run resumes.
-    """
+    """Mark a folder as this package's by a record, empty if new, before results arrive."""
     shown = Path(folder)
     _refuse_address(shown)
     with staging.as_output_errors(shown):

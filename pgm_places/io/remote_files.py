@@ -221,10 +221,7 @@ _PASSING_NUMBERS = frozenset(
 
 
 def is_passing(error: BaseException) -> bool:
-    """Whether an error is temporary, such as a status of 503 of a busy server.
-
-    Each library has its own exceptions: they are recognised by their status codes or names.
-    """
+    """Whether an error is temporary (such as status 503), by status code or class name."""
     step: BaseException | None = error
     while step is not None:
         response = getattr(step, "response", None)  # of botocore
@@ -267,10 +264,7 @@ def temporary_folder() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def as_errors(address: str, error: type[PgmPlacesError], *, absent: bool = False) -> Iterator[None]:
-    """Turn exceptions of a file system into one line that names the address.
-
-    With ``absent``, FileNotFoundError passes.
-    """
+    """Turn exceptions into one line with the address; with ``absent``, not FileNotFoundError."""
     try:
         yield
     except PgmPlacesError:

@@ -148,10 +148,7 @@ def _document(events: Iterator[Any], file: YamlFile) -> YamlValue:
 
 
 def _value(event: Any, events: Iterator[Any], file: YamlFile, *, depth: int) -> YamlValue:
-    """The text, list or dictionary that begins with an event.
-
-    Errors are raised before the rest is parsed, so that deep nesting costs nothing.
-    """
+    """The text, list or dictionary that begins with an event; deep nesting fails at once."""
     import yaml
 
     if event.anchor is not None:

@@ -11,10 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 
 
 def drop_pages(array: NDArray[Any]) -> None:
-    """Free the memory of the pages of a read-only ``numpy.memmap`` that were read so far.
-
-    Later reads load them from the file again. Other arrays are not changed.
-    """
+    """Free the pages of a read-only ``numpy.memmap`` read so far; later reads load them again."""
     base: Any = array
     while isinstance(base, np.ndarray):
         if isinstance(base, np.memmap) and base.mode == "r" and hasattr(mmap, "MADV_DONTNEED"):

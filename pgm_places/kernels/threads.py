@@ -61,10 +61,7 @@ def resolve_threads(n_threads: int | None = None) -> int:
 
 
 class _Worker:
-    """A thread that works on one round of tasks after another.
-
-    Two locks synchronise the rounds: a pool of futures takes twice as long for short rounds.
-    """
+    """A thread for rounds of tasks, synchronised by two locks, as pools of futures are slower."""
 
     def __init__(self) -> None:
         self._work: Callable[[], None] | None = None  # the end of the thread
@@ -109,10 +106,7 @@ class _Worker:
 
 
 class ThreadTeam:
-    """Threads for many rounds of tasks, since starting them costs more than a short round.
-
-    The caller's thread is one of them.
-    """
+    """The caller's and further threads, started once for many short rounds of tasks."""
 
     def __init__(self, n_threads: int) -> None:
         self._most = n_threads - 1

@@ -314,10 +314,7 @@ def _means(
 
 
 def window_to_label(grid: OccupancyGrid, resolution_m: float) -> KnownWindow | None:
-    """The known window of a map to label instead of the map, or None.
-
-    It is aligned with the blocks that the complete map would be coarsened by.
-    """
+    """The known window of a map, in blocks of the complete map's coarsening; None for the map."""
     is_finer = grid.resolution_m < resolution_m
     multiple = coarsening_factor(grid, resolution_m).numerator if is_finer else 1
     return KnownWindow.of(grid, multiple=multiple)

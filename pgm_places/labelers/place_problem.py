@@ -374,10 +374,7 @@ def apply_space_evidence(
     *,
     whole_spaces: bool,
 ) -> LabelingProblem:
-    """The problem with doorways restricted to gates, and labels made consistent within spaces.
-
-    ``doorway`` is the label to restrict to gates, or None.
-    """
+    """The problem with ``doorway`` restricted to gates, and labels consistent within spaces."""
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
     unary = problem.unary

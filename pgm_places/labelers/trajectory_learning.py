@@ -149,10 +149,7 @@ KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
 
 @dataclass(frozen=True, eq=False)
 class ListExamples:
-    """Training examples of the list: cells of each map, then labelled ``steps`` of each trajectory.
-
-    Folds are buildings if there are several, else contiguous parts.
-    """
+    """Cells of maps, then labelled ``steps`` of trajectories; folds are buildings, if several."""
 
     rows: list_learning.Rows
     n_of_map: tuple[int, ...]
@@ -375,7 +372,7 @@ def learn_labelers(
 ) -> tuple[dict[str, Any], list[NDArray[np.float64]]]:
     """A TrajectoryLabeler per method, the last one is ``labeler``; and held-out scores.
 
-    The scores, (n, K) of the labelled steps of each trajectory, are for training further methods.
+    The scores, (n, K) per trajectory, are for training further methods.
     """
     labeler.check_options()
     methods = {name: as_backend(method) for name, method in methods.items()}

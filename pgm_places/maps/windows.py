@@ -84,10 +84,7 @@ class KnownWindow:
 def window_around(
     mask: NDArray[np.bool_], margin: int, *, multiple: int = 1
 ) -> tuple[slice, slice] | None:
-    """Rows and columns of the true cells and a margin in cells; None without a true cell.
-
-    The first row and column are multiples of ``multiple``.
-    """
+    """The window of the true cells and a margin, aligned to ``multiple``; None without any."""
     spans = []
     for axis in (0, 1):
         taken = np.flatnonzero(mask.any(axis=1 - axis))

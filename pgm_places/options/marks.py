@@ -51,10 +51,7 @@ class OrInfinite:
 
 
 class NameOf:
-    """A mark of strings that name one of several things; other packages may add names.
-
-    ``built_in`` names are tried first; ``names`` returns all.
-    """
+    """A mark of strings that name one of ``names``; ``built_in`` ones are tried first."""
 
     def __init__(self, built_in: Collection[str], names: Callable[[], list[str]]) -> None:
         self.built_in, self.names = built_in, names

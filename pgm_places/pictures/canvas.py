@@ -200,10 +200,7 @@ class Canvas:
 def view_of(
     grid: OccupancyGrid, shown: NDArray[np.bool_] | None = None, *, most_pixels: int
 ) -> View:
-    """The window of the known cells, or of the cells ``shown`` (H, W), with a margin of 0.5 m.
-
-    Shrunk by a whole factor until it has at most ``most_pixels`` pixels.
-    """
+    """The window of the known cells, or of ``shown`` (H, W), and 0.5 m; at most ``most_pixels``."""
     raster = grid.cells if shown is None or not shown.any() else shown
     nothing = UNKNOWN if raster is grid.cells else False
     in_row = np.zeros(grid.shape[0], np.bool_)
@@ -258,10 +255,7 @@ def value_canvas(
     gradient: str,
     view: View,
 ) -> Canvas:
-    """Values from 0 to 1 per node (N,), in steps of a gradient, over walls and unknown space.
-
-    The values of a huge map can be a function of a range of nodes.
-    """
+    """Values 0 to 1 of nodes (N,), or a function of a range of nodes, as colours over the map."""
     n_nodes = layout.n_nodes if isinstance(layout, GridLayout) else len(layout.cells_rc)
     raster = layout.to_raster(_steps(values, n_nodes), fill=np.int8(-1))
     if isinstance(layout, GridLayout):

@@ -22,10 +22,7 @@ _WIDE = 1500
 
 @dataclass(frozen=True)
 class Panel:
-    """A map, its title, and an overlay.
-
-    ``overlay`` receives the enlarged map and the factor by which it was enlarged.
-    """
+    """A map, its title, and an overlay drawn on the enlarged map by the factor passed."""
 
     canvas: Canvas
     title: str = ""
@@ -69,10 +66,7 @@ def figure_grid(
     scale_bar: bool = True,
     long_side: int = 2400,
 ) -> Drawing:
-    """The panels in a grid, as a drawing.
-
-    One integer enlarges all panels, the largest that fits the columns into ``long_side`` pixels.
-    """
+    """The panels in a grid, enlarged by the largest integer that fits into ``long_side`` pixels."""
     shapes = np.array([panel.canvas.indices.shape for panel in panels])
     columns = min(columns, len(panels))
     most = min(long_side // columns // int(shapes[:, 1].max()), long_side // int(shapes.max()))

@@ -76,10 +76,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class MapLayers:
-    """A test map: its title, its truth, and per method its labels and its errors.
-
-    Drives also have a plot per method of labels and beliefs along the path, as a data URI.
-    """
+    """A test map's title, truth, labels and errors per method; drives' plots as data URIs."""
 
     name: str
     facts: Sequence[tuple[str, str]]

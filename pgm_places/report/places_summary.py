@@ -13,10 +13,7 @@ _MOST_SPLITS = 5
 
 
 def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
-    """Lines with the counts of places, connections and corrections, and any uncertain area.
-
-    With their ``folder``, also the places that could be several rooms.
-    """
+    """Lines with counts and uncertain area; with ``folder``, places that could be several rooms."""
     n = len(topology.corrections)
     fragments = f"{n} fragment{'' if n == 1 else 's'} relabelled or dropped"
     lines = [f"places: {count_line(topology)}; {fragments}"]

@@ -52,10 +52,7 @@ class Box:
 
 
 def tiles(wanted: NDArray[np.bool_], capacity: Callable[[Box], int]) -> Iterator[Box]:
-    """Boxes that partition the wanted cells, cut in two across the longer side.
-
-    Cutting ends at ``capacity(box)`` wanted cells or a single cell.
-    """
+    """Boxes of at most ``capacity(box)`` wanted cells, made by halving the longer side."""
     waiting = [Box(0, wanted.shape[0], 0, wanted.shape[1])]
     while waiting:
         box = _trimmed(waiting.pop(), wanted)

@@ -261,10 +261,7 @@ class Extent:
 
 @dataclass(frozen=True, eq=False)
 class TileSweep:
-    """A sensor's beams swept over one tile of a map.
-
-    ``surroundings`` and ``tiles`` are by whether x is the major axis; the region has its rim.
-    """
+    """A sensor's beams swept over a map's tile; ``surroundings`` and ``tiles`` per major axis."""
 
     surroundings: dict[bool, Surroundings]
     tiles: dict[bool, TileCells]

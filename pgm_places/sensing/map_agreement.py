@@ -58,10 +58,7 @@ class MapAgreement:
 
 
 def map_agreement(grid: OccupancyGrid, drive: Trajectory) -> MapAgreement:
-    """Agreement of up to 200 steps of a drive in the frame of the map, evenly spaced, with a map.
-
-    InputError: the drive has no step.
-    """
+    """Agreement of up to 200 steps of a drive with a map; InputError for a drive without steps."""
     if not len(drive):
         raise InputError(f"{drive.name} has no step to compare with a map")
     steps = np.unique(np.linspace(0, len(drive) - 1, _MOST_STEPS).astype(np.int64))

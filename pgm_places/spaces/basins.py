@@ -129,10 +129,7 @@ class BasinSums:
 
 
 def neighbour_steps(padded_width: int) -> NDArray[np.int64]:
-    """(8,) steps to the neighbours of a cell in a flat raster, sides first, then corners.
-
-    Steps with odd indices lead to later cells.
-    """
+    """(8,) steps to a cell's neighbours in a flat raster, sides first; odd ones lead forwards."""
     w = padded_width
     return np.array([-w, w, -1, 1, -w - 1, w + 1, -w + 1, w - 1], np.int64)
 

@@ -219,10 +219,7 @@ def chord_directions() -> NDArray[np.float64]:
 
 
 def _on_free_cells(grid: OccupancyGrid, points_rc: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The points, moved to the nearest free cell centre if they touch a cell that is not free.
-
-    Ties are resolved by the mean, which does not depend on the orientation of the map.
-    """
+    """The points, moved to the nearest free cell centre (the mean of ties) if they touch a wall."""
     moved = points_rc.copy()
     for g, point in enumerate(points_rc):
         low, high = np.floor(point + 0.5 - 1e-6), np.floor(point + 0.5 + 1e-6)

@@ -199,10 +199,7 @@ class _Sums(NamedTuple):
 
 
 class _Raster:
-    """The window of a map around its free cells, with a frame; unreachable cells are closed in it.
-
-    The frame counts as a wall: a map has no information beyond its edge.
-    """
+    """The window of a map around its free cells, without unreachable ones, in a frame of wall."""
 
     def __init__(self, grid: OccupancyGrid, disc_radius_m: float) -> None:
         self.cell_m2, self.radius = grid.resolution_m**2, disc_radius_m / grid.resolution_m

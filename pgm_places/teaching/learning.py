@@ -59,10 +59,7 @@ class CellPaint:
 
 @dataclass(eq=False)
 class CellTable:
-    """Laser and custom features of all free cells of a map, at the resolution that is labelled.
-
-    Features of maps that need more than ``max_bytes`` are recomputed.
-    """
+    """Laser and custom features of all free cells of a map; recomputed above ``max_bytes``."""
 
     grid: OccupancyGrid
     sensor: Sensor

@@ -127,10 +127,7 @@ _CELLS_PER_TASK = 1024
 
 
 class LaserScorer:
-    """Scores (N, K) by the list on laser and custom features, block by block.
-
-    ``columns`` (n,): the laser and custom columns that it uses, ascending.
-    """
+    """Scores (N, K) by a list on ``columns`` (n,) of laser and custom features, block by block."""
 
     unary = "laser"
 

@@ -38,10 +38,7 @@ _FLOOR_REACH_M = 16.0
 
 
 class _AroundRobot(ABC):
-    """Rows of values at positions of a path, from a square of the map renewed every ``every_m``.
-
-    Off the map, the row is ``outside`` (F,).
-    """
+    """Rows of values along a path, from squares of a map; ``outside`` (F,) off the map."""
 
     def __init__(
         self,

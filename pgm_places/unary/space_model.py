@@ -64,10 +64,7 @@ class MapSpaces:
         return self.nodes_at_gates(layout).of(np.arange(layout.n_nodes))
 
     def nodes_at_gates(self, layout: GridLayout) -> "AtGates":
-        """The nodes of a layout in rectangles of gates.
-
-        Each is extended by 0.1 m at both ends, and to a depth of at least 0.6 m on both sides.
-        """
+        """The nodes in gates' rectangles, 0.1 m longer at both ends and at least 1.2 m deep."""
         node, gate = self.nodes_and_gates(layout).T
         probability = self.probability[gate]
         order = np.lexsort((-probability, node))

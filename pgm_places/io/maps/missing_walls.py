@@ -35,10 +35,7 @@ _LIGHTEST = 0.05
 
 
 def wall_share(cells: NDArray[np.int8], resolution_m: float) -> float:
-    """Share of the border of free space within 0.15 m of an occupied cell; 1 for a short border.
-
-    The edge of the raster counts as a wall.
-    """
+    """Share of the border of free space within 0.15 m of a wall or edge; 1 for a short border."""
     n_border, n_near = 0, 0
     cells = _around_free(cells, resolution_m)
     for border, rows in _borders(cells):

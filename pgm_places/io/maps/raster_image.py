@@ -96,10 +96,7 @@ class RasterImage:
             return np.asarray(self._picture)
 
     def strips(self, *, indices: bool = False, _pixels: int = 1 << 20) -> Iterator[Strip]:
-        """Strips of whole rows, about a million pixels each.
-
-        With ``indices`` a palette image yields its indices as one channel, not its colours.
-        """
+        """Strips of about a million pixels; with ``indices``, of a palette image's indices."""
         height, width = self.shape
         rows = max(1, _pixels // width)
         for top in range(0, height, rows):

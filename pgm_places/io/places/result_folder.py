@@ -102,10 +102,7 @@ class ExportRequest:
 
 
 def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest]) -> None:
-    """Write the record of exports, by which ``rename`` repeats them.
-
-    A request replaces an earlier one of the same format and output folder.
-    """
+    """Record exports for ``rename``, one per format and output folder."""
     new = {(request.to, request.out) for request in requests}
     others = (
         request for request in recorded_exports(folder) if (request.to, request.out) not in new
