@@ -41,7 +41,7 @@ struct Outline {
     auto fields() { return std::tie(rho, directions, edges, shape); }
 };
 
-// The cells that the wanted orders need: see kernel_plan.py.
+// The cells that the wanted orders need: `FourierPlan` in laser.py.
 struct Plan {
     int64_t n_steps;
     Array<const int64_t, 1> bounds, steps;

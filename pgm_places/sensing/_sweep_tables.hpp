@@ -1,4 +1,4 @@
-// What a sweep reads and writes; _sweep_tables.py says what each field means.
+// What a sweep reads and writes; _sweep.py says what each field means.
 
 #pragma once
 
