@@ -33,7 +33,7 @@ from pgm_places.labelling.places import doorways_as_rectangles, separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Whole
 from pgm_places.progress import Progress, report_stage, reporting_to, warn
-from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.doorways import DECISIVE_SHARE, Doorways, partly_covered
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.feature_table import CachedFeatures
@@ -217,8 +217,8 @@ def score_map(
     for message in warnings:
         warn(message)
     cells = None
+    names = labeler.label_names_
     if observed is not None:
-        names = labeler.label_names_
         cells = KnownCells.of(observed, grid, used, names, labeler.learned_names)
     raster = None if cells is None else cells.on_cells
     graph, scores = labeler.scores(
@@ -229,13 +229,25 @@ def score_map(
         known=raster,
         own=None if cache is None else cache(used),
     )
+    doorways = accepted_doorways(labeler.unary_model_, used, scores, raster)
+    rules = model.rules
+    if doorways is not None and raster is not None and rules.doorway_label in names:
+        partly = partly_covered(doorways, raster, names.index(rules.doorway_label))
+        for gate, share in partly:
+            (x, y), needed = gate.centre_m, 100 * DECISIVE_SHARE
+            warnings.append(
+                f"the corrections cover only {100 * share:.0f} % of the doorway at ({x:.2f}, "
+                f"{y:.2f}), so it stays; paint at least {needed:.0f} % of it, from wall to wall, "
+                "to remove it"
+            )
+            warn(warnings[-1])
     return ScoredMap(
         model,
         grid,
         used,
         cells,
         tuple(warnings),
-        accepted_doorways(labeler.unary_model_, used, scores, raster),
+        doorways,
         graph.grid_layout,
         _problem(model, graph, scores, cells),
         scores.hall,

@@ -20,9 +20,9 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 
 def separating_gates(doorways: Doorways | None, rules: TopologyOptions) -> Doorways | None:
-    """The gates that separate places; None if labels do, by the rules or without gates."""
+    """The gates that separate places, or were removed; None if labels do, or without gates."""
     gates = doorways if rules.doorways == "gates" else None
-    return gates if gates is not None and len(gates) else None
+    return gates if gates is not None and (len(gates) or gates.removed) else None
 
 
 def places_of(

@@ -59,6 +59,7 @@ class Doorways:
     # (H, W) number of each cell's place, -1 for none, in the smaller type if possible. It is stored
     # run-length encoded: each access decodes a new raster.
     place: NDArray[np.int16] | NDArray[np.int32]
+    removed: tuple[Gate, ...] = ()  # would be doorways but for observed labels
 
     def __post_init__(self) -> None:
         if self.probability.shape != (len(self.gates),):
@@ -136,6 +137,12 @@ class Doorways:
 _LEAST_OVERLAP = 0.3  # the narrowest chord next to an open door leaf is oblique
 _LEAST_DOOR_M2 = 0.1
 _MARGIN_M = 0.1
+
+DECISIVE_SHARE = 0.5
+"""Share of a gate's cells that labels must cover to decide on it."""
+
+# Paint beside a doorway may overlap it by this share.
+_OVERLAP = 0.1
 
 
 @dataclass(frozen=True)
@@ -260,6 +267,41 @@ def match_painted(
     return _match(large, len(large), grid, labels, doorway)
 
 
+def partly_covered(
+    doorways: Doorways, labels: ArrayLike, doorway: int
+) -> tuple[tuple[Gate, float], ...]:
+    """The doorways that other labels cover, but too little to remove them, and the covered shares.
+
+    ``labels`` (H, W): observed label of each cell, -1 for none. ``doorway``: the label of doorways.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid(np.zeros((4, 10), np.int8), resolution_m=0.5)
+    >>> gate = Gate((2.25, 1.0), 0.0, width_m=2.0, depth_m=0.5)
+    >>> doorways = Doorways(grid, (gate,), np.ones(1), np.zeros(grid.shape, np.int16))
+    >>> labels = np.full(grid.shape, -1)
+    >>> labels[0] = 0
+    >>> [share for _, share in partly_covered(doorways, labels, doorway=1)]
+    [0.25]
+    """
+    raster = label_raster("labels", labels, doorways.grid.shape)
+    partly = []
+    for gate in doorways.gates:
+        covered = [
+            float(np.mean((painted >= 0) & (painted != doorway))) if len(painted) else 0.0
+            for margin_m in (0.0, _MARGIN_M)
+            for painted in [raster[tuple(gate.cells(doorways.grid, **_around(margin_m)).T)]]
+        ]
+        if covered[0] >= _OVERLAP and covered[1] < DECISIVE_SHARE:
+            partly.append((gate, covered[1]))
+    return tuple(partly)
+
+
+def _around(margin_m: float) -> dict[str, float]:
+    """Arguments of a gate's cells for a margin at every end."""
+    return {"wider_m": margin_m, "deeper_m": margin_m}
+
+
 def unmatched_doors(
     gates: Gates, match: DoorMatch, labels: ArrayLike, doorway: int
 ) -> tuple[Gate, ...]:
@@ -323,5 +365,5 @@ def _match(
         share = overlap / np.maximum(np.minimum(size, len(r)), 1)
         if count and share.max() >= _LEAST_OVERLAP:
             door[g] = int(share.argmax())
-        known[g] = 2 * (raster[r, c] >= 0).sum() >= len(r)
+        known[g] = (raster[r, c] >= 0).sum() >= DECISIVE_SHARE * len(r)
     return DoorMatch(door, known, np.asarray(size * grid.resolution_m**2, np.float64))

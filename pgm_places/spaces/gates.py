@@ -38,6 +38,19 @@ class Gate:
         half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * [self.depth_m, self.width_m]
         return np.asarray(half @ [[cos, sin], [-sin, cos]] + self.centre_m)
 
+    @property
+    def line_m(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ends of the line through the centre, from wall to wall, in the map frame.
+
+        Examples
+        --------
+        >>> Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.2).line_m
+        ((2.0, 0.5), (2.0, 1.5))
+        """
+        (x, y), half_m = self.centre_m, self.width_m / 2
+        dx, dy = -half_m * float(np.sin(self.heading_rad)), half_m * float(np.cos(self.heading_rad))
+        return (x - dx, y - dy), (x + dx, y + dy)
+
     def contains(
         self, points_m: ArrayLike, *, wider_m: float = 0.0, deeper_m: float = 0.0
     ) -> NDArray[np.bool_]:

@@ -9,7 +9,14 @@ import numpy as np
 from pgm_places._arguments import public
 from pgm_places.errors import InputError
 from pgm_places.maps.components import squared_clearance
-from pgm_places.topology.cuts import Line, cut_along, has_jambs, line_width_m, opening_cuts
+from pgm_places.topology.cuts import (
+    Line,
+    cut_along,
+    has_jambs,
+    in_one_opening,
+    line_width_m,
+    opening_cuts,
+)
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -145,7 +152,7 @@ def split_candidates(topology: TopologicalMap) -> tuple[SplitCandidate, ...]:
     than 1.15 of it for an opening of the size of a door, 1.2 m wide and 0.55 m deep. A cased
     opening, which is single, at most 2.5 m wide and 0.55 m deep, and lies between jambs, counts as
     a door. Two or three openings between two parts count as one. Doorways are left out, and so are
-    corridors and halls, which narrow at each joint.
+    corridors and halls, which narrow at each joint, and openings that the user removed.
 
     Examples
     --------
@@ -179,7 +186,11 @@ def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
     cuts = [
         cut
         for cut, depth_m in opening_cuts(topology, place, CASED_WIDTH_M)
-        if depth_m <= DEEPEST_M and _parts_rooms(topology, place, cut, depth_m)
+        if depth_m <= DEEPEST_M
+        and not any(
+            in_one_opening(line, removed) for line in cut for removed in topology.removed_openings
+        )
+        and _parts_rooms(topology, place, cut, depth_m)
     ]
     chosen: tuple[Line, ...] = ()
     for cut in sorted(cuts, key=lambda lines: sum(map(line_width_m, lines))):

@@ -23,6 +23,9 @@ Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 MOST_TOGETHER = 3
 """Most openings that are cut together; more are ways around furniture, not between rooms."""
 
+SAME_OPENING_M = 0.5
+"""Greatest distance (m) between the middles of lines in one opening."""
+
 _LEAST_PART_M2 = 0.1  # smaller pieces beside a line join the adjacent part
 
 _N_DIRECTIONS = 24
@@ -141,6 +144,14 @@ def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float
 def line_width_m(line: Line) -> float:
     """The length of a line."""
     return float(np.hypot(*np.subtract(*line)))
+
+
+def in_one_opening(line: Line, other: Line) -> bool:
+    """Whether two lines cross one opening: the middle of each is at most 0.5 m from the other."""
+    return all(
+        float(_distance_to_line(np.mean([one], axis=1), *another)[0]) <= SAME_OPENING_M
+        for one, another in ((line, other), (other, line))
+    )
 
 
 def has_jambs(topology: TopologicalMap, place: Region, line: Line) -> bool:

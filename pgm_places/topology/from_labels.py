@@ -164,6 +164,7 @@ def topological_map(
             cuts=cuts,
         )
         return _on_whole(cropped, grid, window)
+    removed = () if doorways is None else tuple(gate.line_m for gate in doorways.removed)
     if doorways is not None and len(doorways) and rules.doorway_label in names:
         divided = pieces_between(raster, grid, names, doorways, rules, correct=correct)
     else:
@@ -210,6 +211,7 @@ def topological_map(
         rules.doorway_label,
         divided.corrections,
         next_id,
+        removed,
     )
 
 

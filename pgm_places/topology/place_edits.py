@@ -1,6 +1,6 @@
 """Place edits: places of a topological map are renamed, merged and split."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,6 @@ from pgm_places.topology.regions import Region, connections_of, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
 _WIDER_M = 0.5  # excess width (m) of further openings over the first that is cut
-
-_SAME_OPENING_M = 0.5  # greatest distance (m) between the middles of lines in one opening
 
 
 def renamed(topology: TopologicalMap, names: Mapping[int, str]) -> TopologicalMap:
@@ -42,7 +40,8 @@ def renamed(topology: TopologicalMap, names: Mapping[int, str]) -> TopologicalMa
 def merged(topology: TopologicalMap, first: int | str, second: int | str) -> TopologicalMap:
     """The map with two places merged into one with the id, name and label of the first.
 
-    A doorway that connects only these two becomes part of it.
+    A doorway that connects only these two becomes part of it. The openings between them are no
+    longer :func:`split candidates <pgm_places.topology.checks.split_candidates>`.
 
     Raises
     ------
@@ -54,7 +53,24 @@ def merged(topology: TopologicalMap, first: int | str, second: int | str) -> Top
     region = topology.region.copy()
     for gone in (other, *doors):
         region[region == gone.id] = one.id
-    return _described(topology, region, {})
+    after = _described(topology, region, {})
+    removed = tuple(
+        cuts.narrowest_line(after, after.place(one.id), at_m) if gate is None else gate.line_m
+        for at_m, gate in _openings_between(topology, one, other, doors)
+    )
+    lines = dict.fromkeys((*topology.removed_openings, *removed))
+    return replace(after, removed_openings=tuple(lines))
+
+
+def _openings_between(
+    topology: TopologicalMap, one: Region, other: Region, doors: Sequence[Region]
+) -> Iterator[tuple[tuple[float, float], Gate | None]]:
+    """A point in each opening between two places, and the gate of a doorway."""
+    for door in doors:
+        yield door.anchor_m, door.gate
+    for item in topology.connections:
+        if {item.first, item.second} == {one.id, other.id}:
+            yield item.point_m, None
 
 
 def doorways_between(topology: TopologicalMap, one: Region, other: Region) -> list[Region]:
@@ -178,7 +194,7 @@ def _cut_together(topology: TopologicalMap, place: Region, line: Line) -> Parts 
     for lines, _ in cuts.opening_cuts(topology, place, cuts.line_width_m(line) + _WIDER_M):
         away = [float(np.hypot(*(np.mean(other, axis=0) - middle))) for other in lines]
         nearest = int(np.argmin(away))
-        if away[nearest] <= _SAME_OPENING_M:
+        if away[nearest] <= cuts.SAME_OPENING_M:
             parts = cuts.cut_along(topology, place, [*lines[:nearest], line, *lines[nearest + 1 :]])
             if len(parts) > 1:
                 return parts

@@ -115,6 +115,8 @@ class TopologicalMap(Plotted):
         Regions that were relabelled.
     next_id : int
         The first id that has never been assigned.
+    removed_openings : tuple of ((float, float), (float, float))
+        Lines across openings that corrections or merges removed, in the map frame.
     """
 
     grid: OccupancyGrid
@@ -125,6 +127,7 @@ class TopologicalMap(Plotted):
     doorway_label: str = "doorway"
     corrections: tuple[Correction, ...] = ()
     next_id: int = 1
+    removed_openings: tuple[tuple[tuple[float, float], tuple[float, float]], ...] = ()
 
     def __post_init__(self) -> None:
         set_frozen(self, region=self.region)

@@ -1,6 +1,6 @@
 """Space model: scores with segments, gates and places, and its training."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -44,20 +44,26 @@ class MapSpaces:
     places: Places  # places between the accepted gates
     features: CellFeatures  # space features of the cells
     known_gates: tuple[Gate, ...] = ()  # observed doorways without a candidate
+    removed_gates: tuple[Gate, ...] = ()  # would be doorways but for observed labels
 
     @classmethod
     def of(
-        cls, gates: Gates, probability: NDArray[np.float64], known_gates: tuple[Gate, ...] = ()
+        cls,
+        gates: Gates,
+        probability: NDArray[np.float64],
+        known_gates: tuple[Gate, ...] = (),
+        removed_gates: tuple[Gate, ...] = (),
     ) -> Self:
         """The spaces of a map with given probabilities of its gates."""
         places = places_between(gates, probability)
         features = CellFeatures.of(gates.segmentation, places)
-        return cls(gates, probability, places, features, known_gates)
+        return cls(gates, probability, places, features, known_gates, removed_gates)
 
     @property
     def doorways(self) -> Doorways:
         """The accepted gates, observed doorways included, and the places that they separate."""
-        return Doorways.of(self.places, self.probability).with_known(self.known_gates)
+        accepted = Doorways.of(self.places, self.probability).with_known(self.known_gates)
+        return replace(accepted, removed=self.removed_gates)
 
     def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
         """(N,) the largest probability of the gates at each node, 0 for none."""
@@ -153,7 +159,11 @@ class SpaceModel:
         judged = np.where(match.known, 0.0, probability)
         judged[match.is_doorway] = 1.0
         others = unmatched_doors(candidates, match, known, self.doorway)
-        return MapSpaces.of(candidates, judged, others)
+        removed = np.empty(0, np.int64)
+        if (covered := match.known & ~match.is_doorway).any():
+            removed = np.flatnonzero(covered & places_between(candidates, probability).accepted)
+        gates = tuple(candidates[g] for g in removed.tolist())
+        return MapSpaces.of(candidates, judged, others, gates)
 
     def nodes_at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
         """The nodes of a layout at gates; None if gates have no effect on scores."""

@@ -111,9 +111,36 @@ def test_a_painted_doorway_is_a_gate_and_a_gate_painted_over_is_none() -> None:
     without = label_map(labeler(), grid, known=known).doorways
     assert without is not None and gate not in without.gates
     assert len(without) == len(plain.doorways) - 1
+    assert without.removed == (gate,)
+    places = topological_map(grid, plain.labels, NAMES, doorways=without)
+    assert places.removed_openings == (gate.line_m,)
     known[r, c] = NAMES.index("doorway")
     again = label_map(labeler(), grid, known=known).doorways
     assert again is not None and again.probability[again.gates.index(gate)] == 1
+
+
+@pytest.mark.parametrize("name", ["room", "doorway"])
+def test_a_doorway_that_paint_covers_partly_stays_with_a_warning(name: str) -> None:
+    grid = building().grid
+    plain = label_map(labeler(), grid)
+    assert plain.doorways is not None
+    gate = plain.doorways.gates[0]
+    cells = gate.cells(grid, wider_m=0.1, deeper_m=0.1)
+    across = gate.in_frame_m(grid.cell_centres_m(cells))[1]
+    part = cells[np.argsort(across, kind="stable")[: len(cells) * 2 // 5]]
+    known = np.full(grid.shape, -1)
+    known[tuple(part.T)] = NAMES.index(name)
+    found = label_map(labeler(), grid, known=known)
+    assert found.doorways is not None and gate in found.doorways.gates
+    messages = [message for message in found.warnings if message.startswith("the corrections")]
+    if name == "doorway":
+        assert messages == []
+        return
+    [message] = messages
+    x, y = gate.centre_m
+    share = 100 * len(part) / len(cells)
+    assert f"only {share:.0f} % of the doorway at ({x:.2f}, {y:.2f})" in message
+    assert "paint at least 50 % of it" in message
 
 
 def test_a_doorway_painted_where_there_is_no_gate_parts_a_room_in_two() -> None:

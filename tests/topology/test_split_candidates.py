@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +10,20 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.io.places.topology_files import check_table
+from pgm_places.io.places.place_settings import PlaceSettings, load_settings, save_settings
+from pgm_places.io.places.topology_files import check_table, load_topology, save_topology
+from pgm_places.labelling.places import separating_gates
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.palette import ERROR
 from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.report.places_summary import places_summary
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.checks import split_candidates
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.place_edits import split_all_apart, split_apart
+from pgm_places.topology.place_edits import merged, split_all_apart, split_apart, split_at
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.test_cuts import two_rooms
 
@@ -153,6 +159,55 @@ def test_all_places_are_split_at_once() -> None:
     assert [item.id for item in apart.regions] == [1, 2, 3, 4, 5, 6, 7, 8]
     with pytest.raises(InputError, match="every place looks like one room"):
         split_all_apart(apart)
+
+
+@pytest.mark.parametrize("gap", ["doorway", "room"])
+def test_an_opening_removed_by_a_merge_is_not_proposed_again(tmp_path: Path, gap: str) -> None:
+    """Two rooms joined by a doorway, or by a plain cut."""
+    names = ("room", "doorway")
+    cells = np.full((24, 46), OCCUPIED, np.int8)
+    cells[2:-2, 2:22] = cells[2:-2, 24:-2] = cells[8:13, 22:24] = FREE
+    labels = np.where(cells == FREE, 0, -1)
+    labels[8:13, 22:24] = names.index(gap)
+    grid = OccupancyGrid(cells, 0.2, (-3.0, 1.0), 0.3)
+    found = topological_map(grid, labels, names)
+    one, other = (int(found.region[10, column]) for column in (5, 40))
+    if gap == "room":
+        assert len(split_candidates(found)) == 1
+        found = split_apart(found, one)
+        one, other = (int(found.region[10, column]) for column in (5, 40))
+    assert one != other and not split_candidates(found)
+    joined = merged(found, one, other)
+    assert len(joined.regions) == 1 and split_candidates(joined) == ()
+    assert len(split_candidates(replace(joined, removed_openings=()))) == 1
+    save_topology(tmp_path, joined)
+    assert split_candidates(load_topology(tmp_path)) == ()
+    again = split_at(joined, one, grid.cell_centres_m([[10, 22.5]])[0].tolist())
+    assert len(again.regions) == 2
+
+
+def test_a_gate_removed_by_corrections_is_not_proposed(tmp_path: Path) -> None:
+    cells = np.full((24, 46), OCCUPIED, np.int8)
+    cells[2:-2, 2:22] = cells[2:-2, 24:-2] = cells[8:13, 22:24] = FREE
+    grid = OccupancyGrid(cells, 0.2, (-3.0, 1.0), 0.3)
+    [(x, y)] = grid.cell_centres_m([[10, 22.5]]).tolist()
+    gate = Gate((x, y), 0.3, width_m=1.0, depth_m=0.4)
+    place = np.where(cells == FREE, 0, -1).astype(np.int16)
+    doorways = Doorways(grid, (), np.empty(0), place, removed=(gate,))
+    assert separating_gates(doorways, TopologyOptions()) is doorways
+    save_settings(tmp_path, PlaceSettings(TopologyOptions(), doorways))
+    stored = load_settings(tmp_path)
+    assert stored is not None
+    for gates, count in ((None, 1), (doorways, 0), (stored.doorways, 0)):
+        found = topological_map(grid, place, ("room", "doorway"), doorways=gates)
+        assert len(split_candidates(found)) == count
+
+
+def test_other_openings_of_a_merged_place_are_proposed() -> None:
+    found = four_rooms()
+    [first, *others] = split_candidates(found)[0].lines_m
+    [left] = split_candidates(replace(found, removed_openings=(first,)))
+    assert left.count == 3 and {*left.lines_m} == {*others}
 
 
 def test_it_is_said_in_a_line_the_table_and_the_picture() -> None:

@@ -71,6 +71,7 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
             plain_values(_GateRecord(g.centre_m, g.heading_rad, g.width_m, g.depth_m, float(p)))
             for g, p in gates
         ]
+        record["removed_gates"] = [plain_values(gate) for gate in settings.doorways.removed]
         count = int(settings.doorways.place.max(initial=-1)) + 1
         if count > MOST:
             raise OutputError(
@@ -104,7 +105,11 @@ def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
         _require_on_map(f"gates[{k}]", gate_record.gate, grid)
     probability = np.array([gate_record.probability for gate_record in gates], np.float64)
     place = place.astype(number_type(int(place.max()) + 1))
-    return Doorways(grid, tuple(gate_record.gate for gate_record in gates), probability, place)
+    removed: tuple[Gate, ...] = ()
+    if "removed_gates" in record:  # absent in files of earlier versions
+        removed = items_of(Gate, record, "removed_gates")
+    accepted = tuple(gate_record.gate for gate_record in gates)
+    return Doorways(grid, accepted, probability, place, removed)
 
 
 def _require_on_map(path: str, gate: Gate, grid: OccupancyGrid) -> None:

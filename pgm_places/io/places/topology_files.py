@@ -168,6 +168,7 @@ def _record(topology: TopologicalMap) -> dict[str, object]:
         "regions": [_region_record(region) for region in topology.regions],
         "connections": [dataclasses.asdict(item) for item in topology.connections],
         "corrections": [dataclasses.asdict(item) for item in topology.corrections],
+        "removed_openings": topology.removed_openings,
     }
 
 
@@ -230,7 +231,14 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     next_id = check_option("next_id", int, record["next_id"])
     if next_id <= max(ids, default=0):
         raise InputError(f"next_id is {next_id}, but there is a region {max(ids)}")
-    return TopologicalMap(grid, region, regions, connections, names, doorway, corrections, next_id)
+    removed = check_option(  # absent in files of earlier versions
+        "removed_openings",
+        tuple[tuple[tuple[float, float], tuple[float, float]], ...],
+        record.get("removed_openings", ()),
+    )
+    return TopologicalMap(
+        grid, region, regions, connections, names, doorway, corrections, next_id, removed
+    )
 
 
 def items_of(cls: type[T], record: dict[str, Any], key: str) -> tuple[T, ...]:
