@@ -45,8 +45,8 @@ def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
 
 @pytest.mark.real_data
 def test_the_field_settles_on_a_large_map() -> None:
-    """Mean field needs 21 iterations on this map, more than the former limit of 20."""
-    grid = load_map(real_data_folder("robots") / "hospital_aws" / "map.yaml").grid
+    """Mean field needs 28 iterations on this map, more than the former limit of 20."""
+    grid = load_map(real_data_folder("robots") / "hospital_aaf" / "map.yaml").grid
     labeling = label_map(trained_labeler(), grid).labeling
     assert labeling.status is Status.CONVERGED
     assert labeling.info["iterations"] > 20
