@@ -117,7 +117,9 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
         The relative gap of that objective to the lower bound that the cutting plane tries to reach.
 
     Further options are those of :class:`~pgm_places.models.linear_model.LinearModel`: ``loss``,
-    ``class_weight``, ``scale``, ``warm_start`` and others.
+    ``class_weight``, ``scale``, ``warm_start`` and others. So are, after ``fit``, ``summary``
+    (status of learning, C as ``penalty``, objective, lower bound, held-out accuracies) and
+    ``learned_names``, the K labels in the order of the weights.
 
     Attributes
     ----------
@@ -125,10 +127,6 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
         Learned weights of the scaled node features, and of a constant; None before ``fit``.
     edge_weights : (F, K) float
         Learned rewards of agreement, at least 0, by edge feature and label.
-    learned_names : tuple of K str
-        The order of labels in the weights.
-    summary : dict
-        Status of learning, C (``penalty``), objective, lower bound, held-out accuracies.
 
     Examples
     --------

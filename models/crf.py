@@ -112,7 +112,9 @@ class ConditionalRandomField(TrainedLinearModel):
         Target of the relative gap certified by TRW-S, for max margin on graphs with cycles.
 
     Further options are those of :class:`~pgm_places.models.linear_model.LinearModel`: ``loss``,
-    ``class_weight``, ``scale``, ``warm_start`` and others.
+    ``class_weight``, ``scale``, ``warm_start`` and others. So are, after ``fit``, ``summary``
+    (status of learning, C as ``penalty``, objective, lower bound, held-out accuracies) and
+    ``learned_names``, the K labels in the order of the weights.
 
     Attributes
     ----------
@@ -120,10 +122,6 @@ class ConditionalRandomField(TrainedLinearModel):
         Learned weights of the scaled node features, and of a constant; None before ``fit``.
     tables : (F, K, K) float
         Learned scores of pairs of labels, by edge feature, first and second node.
-    learned_names : tuple of K str
-        The order of labels in the weights.
-    summary : dict
-        Status of learning, C (``penalty``), objective, lower bound, held-out accuracies.
 
     Examples
     --------
