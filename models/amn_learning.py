@@ -248,14 +248,14 @@ def weighed_terms(
     """
     joins = edges if terms.sets is None else np.concatenate([edges, terms.sets.joins])
     share = part_means(terms.n_nodes, joins, weight)
-    found = {
+    terms_of = {
         "node_features": times_rows(terms.node_features, share),
         "edge_features": times_rows(terms.edge_features, share[edges[:, 0]]),
         "sets": None if terms.sets is None else terms.sets.times(share),
     }
     if getattr(terms, "offset", None) is not None:
-        found["offset"] = times_rows(terms.offset, share)
-    return found
+        terms_of["offset"] = times_rows(terms.offset, share)
+    return terms_of
 
 
 def terms_among(
@@ -263,12 +263,12 @@ def terms_among(
 ) -> tuple[dict[str, Any], NDArray[np.int64]]:
     """Features of the nodes of a mask, of the edges and sets among them; and these edges."""
     inside = keep[edges].all(axis=1)
-    kept = {
+    terms_inside = {
         "node_features": terms.node_features[keep],
         "edge_features": terms.edge_features[inside],
         "sets": None if terms.sets is None else terms.sets.among(keep),
     }
-    return kept, (np.cumsum(keep) - 1)[edges[inside]]
+    return terms_inside, (np.cumsum(keep) - 1)[edges[inside]]
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:

@@ -71,14 +71,14 @@ class BoostedList:
             raise InputError(
                 f"{n_classes} classes need {n_classes - 1} classifiers, got {len(self.classifiers)}"
             )
-        if len({item.feature.shape[1:] for item in self.classifiers}) > 1:
+        if len({classifier.feature.shape[1:] for classifier in self.classifiers}) > 1:
             raise InputError("the classifiers must all be stumps, or all be trees of one depth")
         calibration = finite_array("calibration", self.calibration, (n_classes - 1, 2))
         check_decision(self.decision, self.clip, n_classes)
-        for k, item in enumerate(self.classifiers):
-            if (item.feature >= self.n_features).any():
+        for k, classifier in enumerate(self.classifiers):
+            if (classifier.feature >= self.n_features).any():
                 raise InputError(
-                    f"classifier {k} uses feature {int(item.feature.max())}, "
+                    f"classifier {k} uses feature {int(classifier.feature.max())}, "
                     f"but there are {self.n_features} features"
                 )
         set_frozen(self, classes=np.asarray(self.classes), order=order, calibration=calibration)
@@ -91,7 +91,9 @@ class BoostedList:
     @property
     def used_features(self) -> NDArray[np.int64]:
         """The distinct columns that any classifier uses, ascending."""
-        return np.unique(np.concatenate([item.used_features for item in self.classifiers]))
+        return np.unique(
+            np.concatenate([classifier.used_features for classifier in self.classifiers])
+        )
 
     def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         """(K - 1, N) F of every classifier of the list."""
@@ -137,19 +139,19 @@ class BoostedList:
 
     def restricted(self, columns: ArrayLike) -> Self:
         """The list for matrices with only these columns, in this order; used ones must be there."""
-        kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
+        chosen = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         place = np.full(self.n_features, -1, np.int64)
-        place[kept] = np.arange(len(kept))
-        if len(np.unique(kept)) != len(kept):
+        place[chosen] = np.arange(len(chosen))
+        if len(np.unique(chosen)) != len(chosen):
             raise InputError("columns must not name a column twice")
         missing = self.used_features[place[self.used_features] < 0]
         if len(missing):
             raise InputError(
                 f"the list needs columns {missing[:5].tolist()}, which are not among the "
-                f"{len(kept)} passed; used_features_ has all that it needs"
+                f"{len(chosen)} passed; used_features_ has all that it needs"
             )
-        parts = tuple(item.renumbered(place) for item in self.classifiers)
-        return replace(self, classifiers=parts, n_features=len(kept))
+        parts = tuple(classifier.renumbered(place) for classifier in self.classifiers)
+        return replace(self, classifiers=parts, n_features=len(chosen))
 
     def part(self, columns: ArrayLike) -> Self:
         """The stumps on these columns, for matrices with only these columns, in this order.
@@ -158,13 +160,15 @@ class BoostedList:
         columns sum to the scores of the list, up to rounding. Trees use several columns together:
         InputError.
         """
-        kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
+        chosen = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         if isinstance(self.classifiers[0], BoostedTrees):
             raise InputError(
                 "a list of trees cannot be split by columns; boost stumps instead (max_depth=1)"
             )
-        own = tuple(item[np.isin(item.feature, kept)] for item in self.classifiers)
-        return replace(self, classifiers=own).restricted(kept)
+        own = tuple(
+            classifier[np.isin(classifier.feature, chosen)] for classifier in self.classifiers
+        )
+        return replace(self, classifiers=own).restricted(chosen)
 
     def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
         """The distinct columns in the order boosting chose them, at most ``limit``.
@@ -190,15 +194,15 @@ class BoostedList:
 
     def _splits(self) -> Iterator[TreeSplit]:
         """All splits: every classifier's first round, then every second one, ..."""
-        longest = max(item.n_rounds for item in self.classifiers)
+        longest = max(classifier.n_rounds for classifier in self.classifiers)
         for t in range(longest):
-            for item in self.classifiers:
-                if t < item.n_rounds:
-                    yield from item.splits(t)
+            for classifier in self.classifiers:
+                if t < classifier.n_rounds:
+                    yield from classifier.splits(t)
 
     def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """A JSON-compatible description and the arrays, as input of :meth:`from_arrays`."""
-        sizes = [item.n_rounds for item in self.classifiers]
+        sizes = [classifier.n_rounds for classifier in self.classifiers]
         like = self.classifiers[0]
         meta = {
             "kind": _KIND,
@@ -214,9 +218,9 @@ class BoostedList:
             "calibration": self.calibration,
             "first": np.cumsum([0, *sizes]).astype(np.int64),
         }
-        for part in fields(like):
-            arrays[part.name] = np.concatenate(
-                [getattr(item, part.name) for item in self.classifiers]
+        for attribute in fields(like):
+            arrays[attribute.name] = np.concatenate(
+                [getattr(classifier, attribute.name) for classifier in self.classifiers]
             )
         return meta, arrays
 
@@ -254,11 +258,11 @@ class BoostedList:
             raise ModelFileError(f"first must ascend from 0 to {total}, got {first.tolist()}")
         spans = [slice(*span) for span in pairwise(first.tolist())]
         kind = StrongClassifier if version == _VERSION else BoostedTrees
-        whole = kind(*(arrays[part.name] for part in fields(kind)))
+        joined = kind(*(arrays[attribute.name] for attribute in fields(kind)))
         return cls(
             classes,
             arrays["order"],
-            tuple(whole[span] for span in spans),
+            tuple(joined[span] for span in spans),
             arrays["calibration"],
             n_features,
             meta["decision"],
@@ -316,7 +320,7 @@ def list_average(lists: Sequence[BoostedList]) -> BoostedList:
         calibration=np.stack(
             [
                 np.full(len(first.classifiers), _SLOPE),
-                np.mean([item.calibration[:, 1] for item in lists], axis=0),
+                np.mean([one.calibration[:, 1] for one in lists], axis=0),
             ],
             axis=1,
         ),
@@ -325,16 +329,16 @@ def list_average(lists: Sequence[BoostedList]) -> BoostedList:
 
 def _mean_of(lists: Sequence[BoostedList], k: int) -> BoostedTrees:
     """The trees of the k-th classifiers of all lists."""
-    parts = [item.classifiers[k] for item in lists]
-    trees = [part for part in parts if isinstance(part, BoostedTrees)]
-    if len(trees) < len(parts):
+    classifiers = [one.classifiers[k] for one in lists]
+    trees = [voters for voters in classifiers if isinstance(voters, BoostedTrees)]
+    if len(trees) < len(classifiers):
         raise InputError("lists of stumps cannot be averaged; boost trees instead (max_depth >= 2)")
-    factors = [item.calibration[k, 0] / (_SLOPE * len(lists)) for item in lists]
+    factors = [one.calibration[k, 0] / (_SLOPE * len(lists)) for one in lists]
     return BoostedTrees(
-        np.concatenate([part.feature for part in trees]),
-        np.concatenate([part.cut for part in trees]),
+        np.concatenate([one.feature for one in trees]),
+        np.concatenate([one.cut for one in trees]),
         np.concatenate(
-            [factor * part.value for factor, part in zip(factors, trees, strict=True)],
+            [factor * one.value for factor, one in zip(factors, trees, strict=True)],
             dtype=np.float32,
             casting="same_kind",
         ),

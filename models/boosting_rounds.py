@@ -88,18 +88,18 @@ def initial_weights(
     weight of examples with a confident but wrong F.
     """
     weights = np.zeros(len(prepared.rows))
-    given = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
+    weight = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
     for side in (0, 1):
         spans = [slice(start, stop) for start, stop, is_positive in segments if is_positive == side]
-        mass = sum(float(given[prepared.rows[span]].sum()) for span in spans)
+        mass = sum(float(weight[prepared.rows[span]].sum()) for span in spans)
         if not mass > 0:
             raise InputError(f"no {'positive' if side else 'negative'} example carries weight")
         for span in spans:
             rows = prepared.rows[span]
             if margin is None:
-                weights[span] = given[rows] / (2.0 * mass)
+                weights[span] = weight[rows] / (2.0 * mass)
             else:
-                weights[span] = given[rows] * expit((2 - 4 * side) * margin[rows])
+                weights[span] = weight[rows] * expit((2 - 4 * side) * margin[rows])
     return weights if margin is None else weights / weights.sum()
 
 

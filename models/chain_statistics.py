@@ -133,7 +133,7 @@ def learned_tables(
     pairs = labelled_problems(problems, labelings)
     n_labels = pairs[0][0].n_labels
     moves = np.full((n_labels, n_labels), smoothing)
-    seen = moves.copy()
+    confusions = moves.copy()
     first = np.full(n_labels, smoothing)
     share = first.copy()
     for (problem, truth), weight in zip(pairs, weights, strict=True):
@@ -147,14 +147,16 @@ def learned_tables(
         observed = known if problem.unseen is None else known[~problem.unseen[known]]
         pair = (truth[:-1] >= 0) & (truth[1:] >= 0) & moved(problem.graph)
         np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), lighter_ends(weight)[pair])
-        np.add.at(seen, (truth[observed], problem.unary[observed].argmax(axis=1)), weight[observed])
+        np.add.at(
+            confusions, (truth[observed], problem.unary[observed].argmax(axis=1)), weight[observed]
+        )
         np.add.at(share, truth[known], weight[known])
         first[truth[known[:1]]] += weight[known[:1]]
     if share.sum() == smoothing * n_labels:
         raise InputError("no labelled step has a positive weight: nothing to train on")
     return {
         "transition": normalised(moves),
-        "confusion": normalised(seen),
+        "confusion": normalised(confusions),
         "initial": normalised(first),
         "prior": normalised(share),
         "counted_m": usual_step(lengths),

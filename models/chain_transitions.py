@@ -113,10 +113,10 @@ def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.fl
             f"step_length = 'given' needs edge_features of shape ({graph.n_edges}, 1), the length "
             f"or duration of each step, got {came}"
         )
-    given = problem.edge_features[:, 0]
-    if given.min(initial=0.0) < 0:
-        raise InputError(f"lengths of steps must be at least 0, got {given.min():g}")
-    return np.asarray(given, np.float64)
+    lengths_m = problem.edge_features[:, 0]
+    if lengths_m.min(initial=0.0) < 0:
+        raise InputError(f"lengths of steps must be at least 0, got {lengths_m.min():g}")
+    return np.asarray(lengths_m, np.float64)
 
 
 def known_lengths(
@@ -124,9 +124,9 @@ def known_lengths(
 ) -> list[NDArray[np.float64]]:
     """Step lengths of chains; with ``step_length = 'usual'`` of chains with positions."""
     if lengths == "usual":
-        placed = [item for item in problems if item.graph.positions_m is not None]
-        return [np.asarray(step_lengths(item, "positions")) for item in placed]
-    of_chains = [np.asarray(step_lengths(item, lengths)) for item in problems]
+        placed = [problem for problem in problems if problem.graph.positions_m is not None]
+        return [np.asarray(step_lengths(problem, "positions")) for problem in placed]
+    of_chains = [np.asarray(step_lengths(problem, lengths)) for problem in problems]
     if not any(part.any() for part in of_chains):
         raise InputError("all steps have length 0: transitions by step length need lengths above 0")
     return of_chains

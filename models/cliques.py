@@ -72,14 +72,14 @@ def with_set_nodes(
     sets = SetNodes(cliques, graph.n_nodes, k, dissent)
     rewards = _rewards(sets, weight)
     edges = np.concatenate([graph.edges, sets.links])
-    whole = LabelGraph.from_edges(sets.n_whole, edges)
-    order = whole.edge_order(edges)
+    extended = LabelGraph.from_edges(sets.n_whole, edges)
+    order = extended.edge_order(edges)
     unary = sets.unary(potentials.unary, rewards)
     earned = _agreement(graph, potentials)
     if earned is not None:
-        return whole, Potentials(unary, agreement=order.values(sets.agreement(earned, rewards)))
+        return extended, Potentials(unary, agreement=order.values(sets.agreement(earned, rewards)))
     tables = sets.tables(potentials.edge_tables(graph), rewards)
-    return whole, Potentials(unary, pairwise=order.tables(tables))
+    return extended, Potentials(unary, pairwise=order.tables(tables))
 
 
 def decode_with_cliques(
@@ -121,13 +121,13 @@ def decode_with_cliques(
     ([0, 0, 0, 0], 5.0, <Status.EXACT: 'exact'>)
     """
     decoder = partial(_without_beliefs, named_decoder(method).run)
-    whole, extended = with_set_nodes(graph, potentials, cliques, weight=weight, dissent=dissent)
+    with_sets, extended = with_set_nodes(graph, potentials, cliques, weight=weight, dissent=dissent)
     if method in ("sum-product", "mean-field"):
         sets = SetNodes(cliques, graph.n_nodes, potentials.n_labels, dissent)
         rewards, model = _rewards(sets, weight), model_of(graph, potentials)
         decoder = partial(_beliefs, method, sets, rewards, model)
     how: dict[str, Any] = {"certify": certify, "max_iterations": max_iterations}
-    first = decode(whole, extended, method, decoder=decoder, **how)
+    first = decode(with_sets, extended, method, decoder=decoder, **how)
     labels = first.labels[: graph.n_nodes]
     k = potentials.n_labels
     earned = clique_score(cliques, labels, k, weight=weight, dissent=dissent)
@@ -184,13 +184,15 @@ def decode_cliques_as(
     """
     how: dict[str, Any] = {"certify": method.certify, "max_iterations": method.max_iterations}
 
-    def decoded(given: Potentials, order: NDArray[np.int64]) -> Labeling:
+    def decoded(reordered: Potentials, order: NDArray[np.int64]) -> Labeling:
         if problem.cliques is None:
             damping = getattr(method, "damping", None)
-            return decode(problem.graph, given, inference, damping=damping, **how)
+            return decode(problem.graph, reordered, inference, damping=damping, **how)
         earned = np.asarray(weight)[..., order] if np.ndim(weight) else weight
         sets = {"weight": earned, "dissent": method.clique_dissent}
-        return decode_with_cliques(problem.graph, given, problem.cliques, inference, **how, **sets)
+        return decode_with_cliques(
+            problem.graph, reordered, problem.cliques, inference, **how, **sets
+        )
 
     if inference != "graph-cut":
         return decoded(potentials, np.arange(problem.n_labels))
@@ -203,8 +205,8 @@ def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:
     if problem.cliques is None:
         return np.zeros((0, 0))
     constant = np.ones((len(problem.cliques.sizes), 1))
-    given = problem.clique_features
-    return constant if given is None else np.concatenate([constant, given], axis=1)
+    features = problem.clique_features
+    return constant if features is None else np.concatenate([constant, features], axis=1)
 
 
 def clique_sizes(problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
@@ -267,8 +269,8 @@ def _feature_words(n_features: int) -> str:
 def _rewards(sets: SetNodes, weight: ArrayLike) -> NDArray[np.float64]:
     """(C, K) reward of a set per node, by label."""
     shape = (sets.n_sets, sets.n_labels)
-    given = np.asarray(weight)
-    full = np.broadcast_to(given, shape) if given.ndim == 0 else given
+    per_node = np.asarray(weight)
+    full = np.broadcast_to(per_node, shape) if per_node.ndim == 0 else per_node
     rewards = finite_array("a set's weight", full, shape)
     if rewards.min(initial=0.0) < 0:
         raise InputError(f"a set's weight must be at least 0, got {rewards.min():g}")

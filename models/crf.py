@@ -295,8 +295,8 @@ class ConditionalRandomField(TrainedLinearModel):
         require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)
         field = TableField(nodes, around, edges, problem.n_labels)
-        given = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
-        return Potentials(problem.with_evidence(given.unary), pairwise=given.tables)
+        learned = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
+        return Potentials(problem.with_evidence(learned.unary), pairwise=learned.tables)
 
     @in_learned_order
     def infer(self, problem: LabelingProblem) -> Labeling:

@@ -163,8 +163,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
             scikit-learn's own checks of X and y failed.
         """
         options = subset_of(ListOptions, self)
-        values, given, weight = checked_training_data(self, X, y, sample_weight)
-        ascending, labels = np.unique(given, return_inverse=True)
+        values, targets, weight = checked_training_data(self, X, y, sample_weight)
+        ascending, labels = np.unique(targets, return_inverse=True)
         # By weight, so that rounding and ties do not depend on the numbering of the classes.
         carried = np.bincount(labels, weights=weight, minlength=len(ascending))
         number = np.argsort(-carried, kind="stable")

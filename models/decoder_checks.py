@@ -76,7 +76,7 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
         scores = _all_scores(graph, potentials)
         where = f"decoder {name!r} on problem {number} of seed {seed}"
         try:
-            given = decode(graph, potentials, name, certify=number % 2 == 1)
+            labeling = decode(graph, potentials, name, certify=number % 2 == 1)
         except InfeasibleError:
             if scores.max() > -np.inf:
                 raise SolverError(f"{where}: calls it infeasible, but it is not") from None
@@ -85,8 +85,8 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
         except InputError:
             refused += 1
             continue
-        best += _check(where, graph, potentials, given, float(scores.max()))
-        statuses[str(given.status)] += 1
+        best += _check(where, graph, potentials, labeling, float(scores.max()))
+        statuses[str(labeling.status)] += 1
     return DecoderReport(dict(statuses), refused, best)
 
 
@@ -164,42 +164,44 @@ def _all_scores(graph: LabelGraph, potentials: Potentials) -> NDArray[np.float64
 
 
 def _check(
-    where: str, graph: LabelGraph, potentials: Potentials, given: Labeling, best: float
+    where: str, graph: LabelGraph, potentials: Potentials, labeling: Labeling, best: float
 ) -> bool:
     """Raise SolverError if the labelling contradicts its status; whether it is optimal."""
     terms = potentials.unary, potentials.edge_tables(graph)
     sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms]
     slack = ROUNDING * sum(size * len(term) for size, term in zip(sizes, terms, strict=True))
-    if given.score != score(graph, potentials, given.labels):
+    if labeling.score != score(graph, potentials, labeling.labels):
         raise SolverError(f"{where}: its score is not that of its labels")
-    if best > -np.inf and given.score == -np.inf and given.status is not Status.INFEASIBLE:
-        raise SolverError(f"{where}: it breaks a rule, but its status is {given.status}")
-    if given.bound is not None and given.bound < best - slack:
-        raise SolverError(f"{where}: its bound is {given.bound:.12g}, but one scores {best:.12g}")
-    if given.status is Status.INFEASIBLE and given.score > -np.inf:
-        raise SolverError(f"{where}: called infeasible, but it breaks no rule")
-    if given.bound == given.score and given.status is not Status.EXACT:
-        raise SolverError(f"{where}: its bound proves it, but its status is {given.status}")
-    if given.status is Status.REPAIRED and _gain_of_one(graph, potentials, given) > slack:
-        raise SolverError(f"{where}: called repaired, but another label at one node scores more")
-    is_best = bool(given.score >= best - slack)
-    if given.status is Status.EXACT and not is_best:
+    if best > -np.inf and labeling.score == -np.inf and labeling.status is not Status.INFEASIBLE:
+        raise SolverError(f"{where}: it breaks a rule, but its status is {labeling.status}")
+    if labeling.bound is not None and labeling.bound < best - slack:
         raise SolverError(
-            f"{where}: called exact with {given.score:.12g}, but one scores {best:.12g}"
+            f"{where}: its bound is {labeling.bound:.12g}, but one scores {best:.12g}"
         )
-    if given.beliefs is not None and (abs(given.beliefs.sum(axis=1) - 1) > 1e-9).any():
+    if labeling.status is Status.INFEASIBLE and labeling.score > -np.inf:
+        raise SolverError(f"{where}: called infeasible, but it breaks no rule")
+    if labeling.bound == labeling.score and labeling.status is not Status.EXACT:
+        raise SolverError(f"{where}: its bound proves it, but its status is {labeling.status}")
+    if labeling.status is Status.REPAIRED and _gain_of_one(graph, potentials, labeling) > slack:
+        raise SolverError(f"{where}: called repaired, but another label at one node scores more")
+    is_best = bool(labeling.score >= best - slack)
+    if labeling.status is Status.EXACT and not is_best:
+        raise SolverError(
+            f"{where}: called exact with {labeling.score:.12g}, but one scores {best:.12g}"
+        )
+    if labeling.beliefs is not None and (abs(labeling.beliefs.sum(axis=1) - 1) > 1e-9).any():
         raise SolverError(f"{where}: its beliefs do not sum to one")
-    if given.beliefs is not None and given.beliefs[potentials.unary == -np.inf].any():
+    if labeling.beliefs is not None and labeling.beliefs[potentials.unary == -np.inf].any():
         raise SolverError(f"{where}: it believes in a label that is forbidden")
     return is_best
 
 
-def _gain_of_one(graph: LabelGraph, potentials: Potentials, given: Labeling) -> float:
+def _gain_of_one(graph: LabelGraph, potentials: Potentials, labeling: Labeling) -> float:
     """The gain of the best change of a single node's label."""
-    assert given.score is not None
-    best = given.score
+    assert labeling.score is not None
+    best = labeling.score
     for node, label in np.ndindex(potentials.unary.shape):
-        changed = given.labels.copy()
+        changed = labeling.labels.copy()
         changed[node] = label
         best = max(best, score(graph, potentials, changed))
-    return best - given.score
+    return best - labeling.score

@@ -250,11 +250,11 @@ def _exact(problem: DecodingTask) -> DecodingAnswer:
     model = problem.model
     if not is_forest(model.around):
         return _exact_on_cycles(problem)
-    best, whole = forest_maximum(model), forest_marginals(model, pairs=problem.inside)
-    info: dict[str, Any] = {"log_partition": whole.log_partition}
+    best, sums = forest_maximum(model), forest_marginals(model, pairs=problem.inside)
+    info: dict[str, Any] = {"log_partition": sums.log_partition}
     if problem.inside:
-        info["pair_beliefs"] = whole.pair_beliefs
-    return DecodingAnswer(best.labels, Status.EXACT, best.score, whole.beliefs, info)
+        info["pair_beliefs"] = sums.pair_beliefs
+    return DecodingAnswer(best.labels, Status.EXACT, best.score, sums.beliefs, info)
 
 
 def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
@@ -271,12 +271,12 @@ def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
         )
     labels, marginals = tree.solved(unary)
     edges = [(int(i), int(j)) for i, j in around.edges] if problem.inside else []
-    whole = tree.marginals(unary, edges)
-    info: dict[str, Any] = {"log_partition": whole.log_partition, "width": tree.order.width}
+    sums = tree.marginals(unary, edges)
+    info: dict[str, Any] = {"log_partition": sums.log_partition, "width": tree.order.width}
     if problem.inside:
-        info["pair_beliefs"] = np.array(whole.joints)
+        info["pair_beliefs"] = np.array(sums.joints)
     best = float(marginals[0].max())
-    return DecodingAnswer(labels, Status.EXACT, best, np.array(whole.beliefs), info)
+    return DecodingAnswer(labels, Status.EXACT, best, np.array(sums.beliefs), info)
 
 
 DECODERS: Mapping[str, NamedDecoder] = {

@@ -133,8 +133,8 @@ def log_partitions(
     forests = [] if method in ("trees", "mean-field") else _forests(graphs, potentials)
     done = dict(zip(forests, _exact_forests(graphs, potentials, forests), strict=True))
     return [
-        done[k] if k in done else log_partition(graph, item, method)
-        for k, (graph, item) in enumerate(zip(graphs, potentials, strict=True))
+        done[k] if k in done else log_partition(graph, one, method)
+        for k, (graph, one) in enumerate(zip(graphs, potentials, strict=True))
     ]
 
 
@@ -285,7 +285,7 @@ def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> f
     InputError
         The potentials do not fit the graph, or its treewidth is too large.
     """
-    p, q = (_marginals(graph, item) for item in (first, second))
+    p, q = (_marginals(graph, potentials) for potentials in (first, second))
     gain = _expected_score(p, graph, first) - _expected_score(p, graph, second)
     return max(gain - p.value + q.value, 0.0)
 
@@ -346,11 +346,11 @@ def _exact_forests(
     parts = [(graphs[k], checked_potentials(graphs[k], potentials[k])) for k in chosen]
     nodes = np.cumsum([0, *(graph.n_nodes for graph, _ in parts)])
     ends = np.cumsum([0, *(graph.n_edges for graph, _ in parts)])
-    tables = np.concatenate([item.edge_tables(graph) for graph, item in parts])
+    tables = np.concatenate([one.edge_tables(graph) for graph, one in parts])
     edges = np.concatenate(
         [graph.edges + first for (graph, _), first in zip(parts, nodes, strict=False)]
     )
-    unary = np.concatenate([item.unary for _, item in parts])
+    unary = np.concatenate([one.unary for _, one in parts])
     model = pairwise_model(unary, edges, pairwise=tables)
     sums = forest_sums(model, *rooted_forest(model.around))
     of_pairs = sums.pair_beliefs()
@@ -376,9 +376,9 @@ def _exact(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient | None
     tree = BucketTree.of(model_of(graph, potentials))
     if tree is None:
         return None
-    found = tree.marginals(potentials.unary, [(int(i), int(j)) for i, j in graph.edges])
+    sums = tree.marginals(potentials.unary, [(int(i), int(j)) for i, j in graph.edges])
     return ValueAndGradient(
-        found.log_partition, np.array(found.beliefs), np.array(found.joints), "exact"
+        sums.log_partition, np.array(sums.beliefs), np.array(sums.joints), "exact"
     )
 
 

@@ -76,14 +76,14 @@ def log_likelihood(
     missing = np.isnan(unary)
     unary = np.where(missing, 0.0, unary)
     scores = np.full(unary.shape, -np.inf)
-    said = np.flatnonzero(unary.max(axis=1, initial=-np.inf) > -np.inf)
+    observed = np.flatnonzero(unary.max(axis=1, initial=-np.inf) > -np.inf)
     with np.errstate(divide="ignore"):
         if observation == "hard":
-            scores[said] = np.log(confusion.T)[unary[said].argmax(axis=1)]
+            scores[observed] = np.log(confusion.T)[unary[observed].argmax(axis=1)]
         elif observation == "soft":
-            scores[said] = np.log(starting_beliefs(unary[said]) @ confusion.T)
+            scores[observed] = np.log(starting_beliefs(unary[observed]) @ confusion.T)
         else:
-            scores[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
+            scores[observed] = unary[observed] - np.log(np.where(prior > 0, prior, 1.0))
     scores *= weight
     scores[missing.any(axis=1)] = 0.0
     allowed = unary > -np.inf
@@ -148,7 +148,7 @@ def best_weights(
     def tried_with(balance: float) -> list[FittedWeights]:
         candidates = []
         for weight in sorted(weights, reverse=True):
-            answers = np.concatenate([labels_at(weight, balance, item) for item in problems])
+            answers = np.concatenate([labels_at(weight, balance, one) for one in problems])
             if is_enough is not None and not is_enough(answers[known]):
                 continue
             confusion = confusion_matrix(truth[known], answers[known], weights=counts)
@@ -161,8 +161,8 @@ def best_weights(
     best = _best_of(tried, least_accuracy)
     if not further:
         return best
-    others = [item for balance in further for item in tried_with(balance)]
-    by_weight = sorted([*tried, *others], key=lambda item: -item.weight)
+    others = [candidate for balance in further for candidate in tried_with(balance)]
+    by_weight = sorted([*tried, *others], key=lambda candidate: -candidate.weight)
     return _best_of(by_weight, least_accuracy if best is None else best.accuracy)
 
 
@@ -206,7 +206,7 @@ def fitted_by_mode(
 
     chosen: list[tuple[tuple[Observation, float], FittedWeights]] = []
     for mode in modes:
-        found: dict[FittedWeights, tuple[Observation, float]] = {}
+        best_fits: dict[FittedWeights, tuple[Observation, float]] = {}
         for kind, share in variants:
             options: dict[str, Any] = {"mode": mode, "observation": kind}
             if is_open:
@@ -222,12 +222,12 @@ def fitted_by_mode(
                 is_enough=is_enough if is_open else None,
             )
             if best is not None:
-                found[best] = found.get(best, (kind, share))
-        best = _best_of(list(found), alone[0])
+                best_fits[best] = best_fits.get(best, (kind, share))
+        best = _best_of(list(best_fits), alone[0])
         if best is None:
             chosen.append((("posterior", 1.0), FittedWeights(1.0, 0.0, *alone)))
         else:
-            chosen.append((found[best], best))
+            chosen.append((best_fits[best], best))
     of_modes = np.array([fitted[:2] for _, fitted in chosen]).T
     numbers = np.array([OBSERVATIONS.index(kind) for (kind, _), _ in chosen], np.int64)
     return {
@@ -243,10 +243,10 @@ def _best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights | No
     """The best candidate of sufficient accuracy, else the most accurate; of equals the first."""
     if not tried:
         return None
-    enough = [item for item in tried if item.accuracy >= least - 1e-9]
+    enough = [fit for fit in tried if fit.accuracy >= least - 1e-9]
     if not enough:
-        return max(tried, key=lambda item: round(item.accuracy, 9))
-    return max(enough, key=lambda item: round(item.accuracy + item.balanced_accuracy, 9))
+        return max(tried, key=lambda fit: round(fit.accuracy, 9))
+    return max(enough, key=lambda fit: round(fit.accuracy + fit.balanced_accuracy, 9))
 
 
 def _alone(
@@ -257,15 +257,15 @@ def _alone(
     """Both accuracies of independent steps, and a test whether other labels beat them."""
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
-    best = [np.asarray(item.unary, np.float64).argmax(axis=1) for item in problems]
+    best = [np.asarray(problem.unary, np.float64).argmax(axis=1) for problem in problems]
     counts = None if node_weights is None else np.concatenate(node_weights)[known]
-    said, true = np.concatenate(best)[known], truth[known]
-    confusion = confusion_matrix(true, said, weights=counts)
+    predicted, true = np.concatenate(best)[known], truth[known]
+    confusion = confusion_matrix(true, predicted, weights=counts)
     total = None if node_weights is None else float(sum(part.sum() for part in node_weights))
     stretch = stretches([len(labels) for labels in labelings], total)[known]
 
     def is_enough(answers: NDArray[np.integer]) -> bool:
-        lead = (answers == true).astype(np.float64) - (said == true)
+        lead = (answers == true).astype(np.float64) - (predicted == true)
         return not (np.bincount(stretch, lead) < 0).any() or is_ahead(lead, stretch, counts)
 
     return (float(accuracy(confusion)), float(balanced_accuracy(confusion))), is_enough

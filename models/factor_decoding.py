@@ -75,20 +75,20 @@ def decode_factors(
             f"{method!r} supports factors of at most two nodes, and one has {graph.order}; use "
             "'exact', 'trw-s', 'lp', 'max-product' or 'sum-product'"
         )
-    whole = graph if known is None else graph.with_known(known)
-    if any(table.max() == -np.inf for table in whole.tables):
+    restricted = graph if known is None else graph.with_known(known)
+    if any(table.max() == -np.inf for table in restricted.tables):
         raise InfeasibleError(_NONE)
     started = time.perf_counter()
     info: dict[str, Any] = {"decoder": method, "iterations": 0, "history": ()}
     if method == "exact":
-        answer = _exact(whole)
+        answer = _exact(restricted)
     else:
-        answer = _by_pairs(whole, method, certify, max_iterations)
+        answer = _by_pairs(restricted, method, certify, max_iterations)
     info |= dict(answer.info) | {"seconds": time.perf_counter() - started}
-    total = whole.score(answer.labels)
+    total = restricted.score(answer.labels)
     bound = None if answer.bound is None else max(answer.bound, total)
     status = answer.status
-    if bound is not None and total > -np.inf and bound - total <= _rounding(whole, total):
+    if bound is not None and total > -np.inf and bound - total <= _rounding(restricted, total):
         status = Status.EXACT
     return Labeling(answer.labels, status, answer.beliefs, total, bound, info)
 
@@ -106,11 +106,11 @@ def _exact(graph: FactorGraph) -> DecodingAnswer:
         )
     free = [np.zeros(size) for size in sizes]
     labels = tree.solved(free)[0]
-    whole = tree.marginals(free)
+    sums = tree.marginals(free)
     beliefs = np.zeros((graph.n_nodes, max(sizes, default=1)))
-    for row, values in zip(beliefs, whole.beliefs, strict=True):
+    for row, values in zip(beliefs, sums.beliefs, strict=True):
         row[: len(values)] = values
-    info = {"log_partition": whole.log_partition + graph.constant, "width": tree.order.width}
+    info = {"log_partition": sums.log_partition + graph.constant, "width": tree.order.width}
     return DecodingAnswer(labels, Status.EXACT, graph.score(labels), beliefs, info)
 
 

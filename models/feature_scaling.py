@@ -59,8 +59,8 @@ class Standardization:
             sizes = spread if scale == "deviation" else column_sizes(features)[columns]
             return cls(features.shape[1], columns, np.zeros(len(columns)), sizes)
         if scale == "auto":
-            kept = features[:, columns]
-            indicator = ((kept == 0) | (kept == 1)).all(axis=0)
+            selected = features[:, columns]
+            indicator = ((selected == 0) | (selected == 1)).all(axis=0)
             mean, spread = np.where(indicator, 0.0, mean), np.where(indicator, 1.0, spread)
         return cls(features.shape[1], columns, mean, spread)
 
@@ -69,7 +69,7 @@ class Standardization:
         cls, features: Sequence[NDArray[np.float64]], scale: Scale = "auto"
     ) -> "Standardization":
         """The common standardisation of several training problems."""
-        if len({part.shape[1] for part in features}) > 1:
+        if len({matrix.shape[1] for matrix in features}) > 1:
             raise InputError(
                 "training problems must have the same number of node features, got "
                 f"{[part.shape[1] for part in features]}"
@@ -101,11 +101,11 @@ class Standardization:
                 "the model was trained on dense node features, whose means it subtracts; pass "
                 "node_features.toarray(), or train it on sparse ones"
             )
-        kept = features[:, self.columns].multiply(1.0 / self.scale).tocsr()
-        np.clip(kept.data, -self.clip, self.clip, out=kept.data)
+        scaled = features[:, self.columns].multiply(1.0 / self.scale).tocsr()
+        np.clip(scaled.data, -self.clip, self.clip, out=scaled.data)
         constant = sp.csr_array(np.ones((features.shape[0], 1)))
-        whole: Any = sp.hstack([kept, constant], format="csr")
-        return whole
+        with_constant: Any = sp.hstack([scaled, constant], format="csr")
+        return with_constant
 
 
 def column_sizes(features: NDArray[np.float64]) -> NDArray[np.float64]:

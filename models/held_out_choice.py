@@ -97,10 +97,10 @@ def choose(
     asked_nodes = np.concatenate([np.flatnonzero(part & asked) for part in held_out])
     truth, on_steps = labels[asked_nodes], steps[asked_nodes]
 
-    def scores_of(found: NDArray[np.int64]) -> tuple[float, float]:
+    def scores_of(predicted: NDArray[np.int64]) -> tuple[float, float]:
         k = int(labels.max()) + 1
         kinds_of_nodes = (~on_steps, on_steps)
-        return mean_scores([confusion_matrix(truth[on], found[on], k) for on in kinds_of_nodes])
+        return mean_scores([confusion_matrix(truth[on], predicted[on], k) for on in kinds_of_nodes])
 
     least = dict.fromkeys(rising, 0.0)
     if alone is not None:
@@ -113,11 +113,11 @@ def choose(
     def score(name: str, learner: str, penalty: float) -> float:
         if (name, learner) not in paths:
             paths[name, learner] = [begin(part, name, learner) for part in held_out]
-        found = [path(penalty) for path in paths[name, learner]]
-        answers = [mine[asked[part]] for (mine, _), part in zip(found, held_out, strict=True)]
+        outcomes = [path(penalty) for path in paths[name, learner]]
+        answers = [mine[asked[part]] for (mine, _), part in zip(outcomes, held_out, strict=True)]
         candidate = Candidate(name, learner, penalty)
         scores[candidate] = scores_of(np.concatenate(answers))
-        weights[candidate] = np.mean([w for _, w in found], axis=0)
+        weights[candidate] = np.mean([w for _, w in outcomes], axis=0)
         return sum(scores[candidate]) / 2
 
     middle = rising.index(usual) if usual in rising else len(rising) // 2

@@ -32,9 +32,9 @@ def frequency_order(labelings: Sequence[NDArray[np.integer]], n_labels: int) -> 
     [2, 0, 1]
     """
     every = np.concatenate([np.asarray(labels) for labels in labelings])
-    found, first = np.unique(every, return_index=True)
+    values, first = np.unique(every, return_index=True)
     place = np.full(n_labels, len(every))
-    place[found[found >= 0]] = first[found >= 0]
+    place[values[values >= 0]] = first[values >= 0]
     return np.lexsort((place, -np.bincount(every[every >= 0], minlength=n_labels)))
 
 
@@ -89,9 +89,9 @@ def learned_by_frequency(fit: Fit) -> Fit:
             every = [labels for _, labels in pairs]
             every += [problem.known for problem, _ in pairs if problem.known is not None]
             order = frequency_order(every, first.n_labels)
-        given = [reordered(problem, order) for problem, _ in pairs]
+        problems_in_order = [reordered(problem, order) for problem, _ in pairs]
         turned = [renumbered(labels, order) for _, labels in pairs]
-        fitted = fit(self.with_options_in(order), given, turned, **options)
-        return fitted.with_options_in(np.argsort(order)).with_names_of(given[0])
+        fitted = fit(self.with_options_in(order), problems_in_order, turned, **options)
+        return fitted.with_options_in(np.argsort(order)).with_names_of(problems_in_order[0])
 
     return cast(Fit, ordered)

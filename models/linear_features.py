@@ -163,8 +163,8 @@ def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
 
 
 def _width(problem: LabelingProblem, name: str) -> int:
-    given = 0 if problem.edge_features is None else problem.edge_features.shape[1]
-    return {"given": given, "kind": len(EdgeKind)}.get(name, 1)
+    n_given = 0 if problem.edge_features is None else problem.edge_features.shape[1]
+    return {"given": n_given, "kind": len(EdgeKind)}.get(name, 1)
 
 
 def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDArray[np.float64]:

@@ -109,7 +109,10 @@ class ListTraining:
                 [f * self.n_classes + k for f in used],
                 [f * self.n_classes + other for f in used for other in sorted(key[1])],
                 sample_weight=self.weights,
-                **{item.name: getattr(self.options, item.name) for item in fields(BoostingOptions)},
+                **{
+                    option.name: getattr(self.options, option.name)
+                    for option in fields(BoostingOptions)
+                },
             )
         return self._trained[key]
 

@@ -82,23 +82,23 @@ def with_observed(
             examples.append((problem, truth, number))
             continue
         _check_agrees(problem, truth, number)
-        whole = np.where(truth < 0, observed, truth)
-        n_labelled = int((whole >= 0).sum())
+        labels = np.where(truth < 0, observed, truth)
+        n_labelled = int((labels >= 0).sum())
         if n_labelled and not ((truth >= 0) & (observed < 0)).any():
             if describes_nodes(problem):
-                examples.append((replace(problem, known=None), whole, number))
+                examples.append((replace(problem, known=None), labels, number))
                 continue
             if n_labelled == 1:
                 raise InputError(
                     f"the only label of problem {number} is observed (known), so that no target is "
                     "left to learn from; label more nodes"
                 )
-            copies, truths = observed_in_folds(problem, whole, min(N_PARTS, n_labelled))
+            copies, truths = observed_in_folds(problem, labels, min(N_PARTS, n_labelled))
             examples += [(copy, part, number) for copy, part in zip(copies, truths, strict=True)]
         else:
-            examples.append((problem, whole, number))
-    kept = None if weights is None else [weights[number] for _, _, number in examples]
-    return [one for one, _, _ in examples], [truth for _, truth, _ in examples], kept
+            examples.append((problem, labels, number))
+    copied_weights = None if weights is None else [weights[number] for _, _, number in examples]
+    return [one for one, _, _ in examples], [truth for _, truth, _ in examples], copied_weights
 
 
 def describes_nodes(problem: LabelingProblem) -> bool:
@@ -197,8 +197,8 @@ def fault_on_few_labels(
     """
     truth = np.asarray(labels)
     known = problem.known
-    whole = truth if known is None else np.where(truth < 0, known, truth)
-    labelled = whole >= 0
+    observed_or_true = truth if known is None else np.where(truth < 0, known, truth)
+    labelled = observed_or_true >= 0
     share = labelled.mean()
     if labelled.sum() < LEAST_LABELLED or share > 0.5:
         return None
@@ -206,7 +206,7 @@ def fault_on_few_labels(
     counts = np.bincount(fitted.infer(problem).labels[~labelled], minlength=problem.n_labels)
     taken, first = counts.max() / counts.sum(), int(counts.argmax())
     limit = 1.0 if describes_nodes(problem) else NEARLY_ALL
-    if taken >= limit and (whole[labelled] == first).mean() <= MOST:
+    if taken >= limit and (observed_or_true[labelled] == first).mean() <= MOST:
         name = problem.label_names[first]
         return f"{of_graph} gives {np.floor(100 * taken):.0f} % of the others the label {name!r}"
     if known is None:
@@ -214,9 +214,9 @@ def fault_on_few_labels(
             return None
         copies = [problem]
     else:
-        copies = observed_in_folds(problem, whole, N_PARTS)[0]
+        copies = observed_in_folds(problem, observed_or_true, N_PARTS)[0]
     right = [
-        np.concatenate([_right(method, copy, whole) for copy in copies])
+        np.concatenate([_right(method, copy, observed_or_true) for copy in copies])
         for method in (fitted, PottsField())
     ]
     difference = right[1].astype(int) - right[0]

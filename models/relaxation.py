@@ -170,7 +170,7 @@ class Relaxation(LearnedNames):
         if self._is_given:
             return self
         counts = [self.counts(problem, truth) for problem, truth in pairs]
-        if len({len(item) for item in counts}) > 1:
+        if len({len(of_problem) for of_problem in counts}) > 1:
             raise InputError(
                 "directional relaxation has 8 directions on grids and 2 on other graphs; learn "
                 "from one kind of graph, or set directional=False"

@@ -73,8 +73,8 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
             counts[0, 0.0] += _by_kind(kind, truth, alone, k)
             for share in shares:
                 run = replace(fitted, evidence=share)
-                found = {n: counts[n, share] for n in ITERATIONS}
-                end = run.relaxed(problem.graph, run.start(problem), _adds(kind, truth, found))
+                adds = {n: counts[n, share] for n in ITERATIONS}
+                end = run.relaxed(problem.graph, run.start(problem), _adds(kind, truth, adds))
                 labels = end.beliefs.argmax(axis=1)  # converged: further iterations change nothing
                 for n in ITERATIONS:
                     if n > end.iterations:

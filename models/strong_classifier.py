@@ -48,7 +48,7 @@ class Voters:
 
     def __getitem__(self, chosen: slice | NDArray[np.bool_]) -> Self:
         """The classifier with a selection of the stumps or trees."""
-        return type(self)(*(getattr(self, part.name)[chosen] for part in fields(cast(Any, self))))
+        return type(self)(*(getattr(self, one.name)[chosen] for one in fields(cast(Any, self))))
 
     def renumbered(self, place: NDArray[np.int64]) -> Self:
         """The classifier for matrices with column j at ``place[j]``."""
@@ -135,16 +135,16 @@ class VoteTable(NamedTuple):
     @classmethod
     def of(cls, classifiers: Sequence[Any]) -> Self:
         """The table of at least one classifier, all of stumps or all of trees of one depth."""
-        feature = np.concatenate([item.feature for item in classifiers])
+        feature = np.concatenate([classifier.feature for classifier in classifiers])
         columns = np.unique(feature[feature >= 0]).astype(np.int64)
         if not len(columns):
             columns = np.zeros(1, np.int64)  # ignored by trees without a split
         return cls(
             columns,
             np.searchsorted(columns, np.maximum(feature, columns[0])),
-            np.concatenate([item.cut for item in classifiers]),
-            np.concatenate([item.value for item in classifiers]),
-            np.cumsum([0, *(item.n_rounds for item in classifiers)]),
+            np.concatenate([classifier.cut for classifier in classifiers]),
+            np.concatenate([classifier.value for classifier in classifiers]),
+            np.cumsum([0, *(classifier.n_rounds for classifier in classifiers)]),
         )
 
     def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:

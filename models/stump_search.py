@@ -145,8 +145,8 @@ class StumpSearch:
         """
         if _LEAST_MASS <= self.weighed.mass <= _MOST_MASS:
             return
-        for kept in self.cells:
-            kept[:] = 0
+        for cells in self.cells:
+            cells[:] = 0
         _core.weigh_all(_WHOLE_MASS, self.weighed, self.changed)
 
     def best_stump(self) -> Stump | None:
@@ -223,10 +223,10 @@ class StumpSearch:
 
     def _inside(self, row: NDArray[np.int64], floor: int) -> tuple[int, int, float, float]:
         """The best size of a score in a bin; score and neighbours of the first that reaches it."""
-        _, plane, number, left, seen = (int(value) for value in row)
+        _, plane, number, left, start_mass = (int(value) for value in row)
         members, values = self.prepared.sorted_bin(plane, number)
         best: tuple[int, int, float, float] = _core.interior_scores(
-            members, values, left, seen, self.weighed, floor
+            members, values, left, start_mass, self.weighed, floor
         )
         return best
 

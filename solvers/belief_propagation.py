@@ -230,9 +230,11 @@ def pair_beliefs(model: PairwiseModel, messages: NDArray[np.float64]) -> NDArray
     heard = heard_from_all(model, messages)
     first, second = model.around.edges.T
     with np.errstate(invalid="ignore"):  # impossible labels stay impossible
-        said = heard[first] - messages[1::2]
-        answered = heard[second] - messages[0::2]
-    said, answered = (np.where(np.isnan(part), -np.inf, part) for part in (said, answered))
-    joint = model.edge_tables + said[:, :, np.newaxis] + answered[:, np.newaxis, :]
+        to_second = heard[first] - messages[1::2]
+        to_first = heard[second] - messages[0::2]
+    to_second, to_first = (
+        np.where(np.isnan(message), -np.inf, message) for message in (to_second, to_first)
+    )
+    joint = model.edge_tables + to_second[:, :, np.newaxis] + to_first[:, np.newaxis, :]
     flat = joint.reshape(len(joint), model.n_labels**2)
     return normalised(flat).reshape(joint.shape)

@@ -191,10 +191,10 @@ class BucketTree:
         for nodes_of_set in sets:
             wanted = place[list(nodes_of_set)]
             scope = self.order.scopes[wanted.min()]
-            whole = beliefs[scope[0]]
-            kept = [scope.index(at) for at in wanted]
-            rest = tuple(axis for axis in range(whole.ndim) if axis not in kept)
-            joints.append(whole.sum(axis=rest).transpose(np.argsort(np.argsort(kept))))
+            joint = beliefs[scope[0]]
+            axes = [scope.index(at) for at in wanted]
+            rest = tuple(axis for axis in range(joint.ndim) if axis not in axes)
+            joints.append(joint.sum(axis=rest).transpose(np.argsort(np.argsort(axes))))
         return BucketMarginals(tuple(nodes[at] for at in place), tuple(joints), log_partition)
 
     def samples(
@@ -239,9 +239,9 @@ class BucketTree:
         """(S, N) labels chosen node by node, given the labels of later nodes."""
         labels = np.empty((n_rows, len(beliefs)), np.int64)
         for scope in reversed(self.order.scopes):
-            given = tuple(labels[:, list(scope[1:])].T)
-            here = beliefs[scope[0]][(slice(None), *given)]
-            labels[:, scope[0]] = choice(here if given else here[:, np.newaxis])
+            later = tuple(labels[:, list(scope[1:])].T)
+            here = beliefs[scope[0]][(slice(None), *later)]
+            labels[:, scope[0]] = choice(here if later else here[:, np.newaxis])
         return labels[:, self._places]
 
     def _distributed(
@@ -257,9 +257,9 @@ class BucketTree:
             if others:
                 above = self.order.scopes[others[0]]
                 gone = tuple(axis for axis, place in enumerate(above) if place not in others)
-                said = np.array(summary(beliefs[others[0]], gone))
+                message = np.array(summary(beliefs[others[0]], gone))
                 known = messages[here] > -np.inf
-                beliefs[here] += np.subtract(said, messages[here], out=said, where=known)
+                beliefs[here] += np.subtract(message, messages[here], out=message, where=known)
                 continue
             if beliefs[here].max() == -np.inf:
                 raise InfeasibleError

@@ -35,33 +35,33 @@ class Reduction:
 
     def lift(self, labels: NDArray[np.integer]) -> NDArray[np.int32]:
         """A labelling (M,) of the remaining nodes extended to all nodes (N,)."""
-        whole = self.labels.copy()
-        whole[self.nodes] = labels
-        return whole
+        full = self.labels.copy()
+        full[self.nodes] = labels
+        return full
 
 
 def lifted_duals(
-    whole: PairwiseModel, reduced: Reduction, duals: NDArray[np.float64]
+    full: PairwiseModel, reduced: Reduction, duals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(2 E, K) duals of the full problem from duals of the reduced one; the bound is the same.
 
     An edge with one decided end gives its potential to the open end; labels that were ruled out
     are -inf.
     """
-    edges, n_labels = whole.around.edges, whole.n_labels
-    if whole.agreement is None:
+    edges, n_labels = full.around.edges, full.n_labels
+    if full.agreement is None:
         return duals
-    alive = np.zeros(whole.unary.shape, np.bool_)
-    alive[np.arange(whole.n_nodes), reduced.labels] = True
+    alive = np.zeros(full.unary.shape, np.bool_)
+    alive[np.arange(full.n_nodes), reduced.labels] = True
     alive[reduced.nodes] = reduced.model.unary > -np.inf
-    is_open = np.zeros(whole.n_nodes, np.bool_)
+    is_open = np.zeros(full.n_nodes, np.bool_)
     is_open[reduced.nodes] = True
     lifted = np.zeros((len(edges), 2, n_labels))  # to the second end, then to the first
     lifted[is_open[edges].all(axis=1)] = duals.reshape(-1, 2, n_labels)
     for to, end in ((0, 1), (1, 0)):
         border = np.flatnonzero(is_open[edges[:, end]] & ~is_open[edges[:, 1 - end]])
         label = reduced.labels[edges[border, 1 - end]]
-        lifted[border, to, label] = whole.agreement[border, label]
+        lifted[border, to, label] = full.agreement[border, label]
         lifted[:, to][~alive[edges[:, end]]] = -np.inf
     return lifted.reshape(-1, n_labels)
 

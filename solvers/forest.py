@@ -135,8 +135,8 @@ class _Logarithmic:
         model = self.model
         both = heard_from_all(model, self.message)[model.around.edges]
         impossible = both == -np.inf  # -inf - -inf is NaN
-        said = self.message.reshape(-1, 2, model.n_labels)[:, ::-1]
-        both -= np.where(impossible, 0.0, said)
+        reverse = self.message.reshape(-1, 2, model.n_labels)[:, ::-1]
+        both -= np.where(impossible, 0.0, reverse)
         joint = both[:, 0, :, None] + both[:, 1, None, :] + model.edge_tables
         flat = joint.reshape(model.around.n_edges, model.n_labels**2)
         return normalised(flat).reshape(joint.shape)

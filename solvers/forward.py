@@ -146,8 +146,8 @@ def exceeds_floats(
             continue
         step, label = np.nonzero(some < RARE_BELIEF)
         step += part.start
-        seen = (chain.observed[step, label] > -np.inf) | impossible[step]
-        step, label = step[seen], label[seen]
+        possible = (chain.observed[step, label] > -np.inf) | impossible[step]
+        step, label = step[possible], label[possible]
         coming = (chain.transition_t[chain.action[step], label] * beliefs[step - 1]).sum(axis=1)
         if np.where(step == 0, chain.start[label], coming).any():
             return True

@@ -227,12 +227,12 @@ def _lay_out(cells: _Cells, shape: tuple[int, int], nodes_at_once: int) -> _Rows
     tall = used.copy()
     tall[1:] |= used[:-1]
     tall[:-1] |= used[1:]
-    kept = tall.copy()
-    kept[:, 1:] |= tall[:, :-1]
-    kept[:, :-1] |= tall[:, 1:]
-    number = np.cumsum(kept, dtype=np.int64).reshape(kept.shape) - 1
-    index = np.where(kept, number, -1).astype(np.int32)
-    row_start = np.concatenate([[0], np.cumsum(kept.sum(axis=1, dtype=np.int64))]) * BLOCK
+    needed = tall.copy()
+    needed[:, 1:] |= tall[:, :-1]
+    needed[:, :-1] |= tall[:, 1:]
+    number = np.cumsum(needed, dtype=np.int64).reshape(needed.shape) - 1
+    index = np.where(needed, number, -1).astype(np.int32)
+    row_start = np.concatenate([[0], np.cumsum(needed.sum(axis=1, dtype=np.int64))]) * BLOCK
     row, first, last = _runs(used)
     at = [BLOCK * index[row + dr, first].astype(np.int64) for dr in (-1, 0, 1)]
     spans = np.stack([BLOCK * (last - first), *at], axis=1)
@@ -288,7 +288,7 @@ def _read(
 
 
 def _codes(
-    given: NDArray[np.bool_] | Callable[[], NDArray[np.bool_] | None] | None,
+    walls_or_function: NDArray[np.bool_] | Callable[[], NDArray[np.bool_] | None] | None,
     cells: _Cells,
     shape: tuple[int, int],
     rows: _Rows,
@@ -296,7 +296,7 @@ def _codes(
     *,
     by_direction: bool,
 ) -> NDArray[np.uint8]:
-    walls = given() if callable(given) else given
+    walls = walls_or_function() if callable(walls_or_function) else walls_or_function
     codes = np.zeros(rows.n_cells, np.uint8)
     if walls is not None:
         if walls.shape != shape or walls.dtype != np.bool_:

@@ -199,8 +199,8 @@ class _Loss:
     def __post_init__(self) -> None:
         shape, high = (self.field.n_nodes,), self.field.n_labels
         for name in ("labels", "observed"):
-            if (given := getattr(self, name)) is not None:
-                integer_array(name, given, shape, low=-1, high=high)
+            if (labels_given := getattr(self, name)) is not None:
+                integer_array(name, labels_given, shape, low=-1, high=high)
         if self.field.sets is not None:
             raise InputError(
                 "likelihood learners cannot learn weights of cliques, since the sum over all "
@@ -226,8 +226,8 @@ class _Loss:
             asked = labels if self.observed is None else np.where(self.observed >= 0, -1, labels)
             return pseudo_sums(field, asked, potentials, soft, node_weight)
         marginals = exact_sums if self.kind == "likelihood" else piecewise_sums
-        given = potentials._replace(unary=keep_known(potentials.unary, self.observed))
-        free = marginals(field, given, node_weight)
+        conditioned = potentials._replace(unary=keep_known(potentials.unary, self.observed))
+        free = marginals(field, conditioned, node_weight)
         value, gradient = free.log_partition, field.expected_features(*free[1:])
         if self.truth_features is not None:
             score = float(weights @ self.truth_features)
@@ -263,16 +263,16 @@ class _Descent:
     def run(self, start: NDArray[np.float64], max_iterations: int) -> None:
         from scipy.optimize import minimize
 
-        seen: dict[bytes, tuple[float, float]] = {}
+        values: dict[bytes, tuple[float, float]] = {}
 
         def measured(weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
             value, gradient = self.f(weights)
-            seen[weights.tobytes()] = value, 0.5 * float(gradient @ gradient)
+            values[weights.tobytes()] = value, 0.5 * float(gradient @ gradient)
             return value, gradient
 
         def step(weights: NDArray[np.float64]) -> None:
-            self._take(weights, *seen[weights.tobytes()])
-            seen.clear()
+            self._take(weights, *values[weights.tobytes()])
+            values.clear()
             if self.closed or self.ended:
                 raise StopIteration
 

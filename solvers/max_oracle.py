@@ -21,8 +21,8 @@ MAX_PASSES = 1_000
 
 def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Oracle:
     """:func:`graph_cut_oracle` of a problem's graph, including the nodes of its sets."""
-    whole = graph_cut_oracle(problem.n_whole, problem.whole_edges, from_last=from_last)
-    return lambda unary, agreement: whole(unary, agreement)[: problem.n_nodes]
+    oracle = graph_cut_oracle(problem.n_whole, problem.whole_edges, from_last=from_last)
+    return lambda unary, agreement: oracle(unary, agreement)[: problem.n_nodes]
 
 
 def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool = False) -> Oracle:

@@ -166,8 +166,8 @@ def grid_mean_field(
     n_nodes, n_labels = nodes.shape
     table = np.zeros((n_labels, n_labels))
     if pairwise is not None:
-        given = finite_array("pairwise", pairwise, table.shape, allow_minus_inf=True)
-        table = np.ascontiguousarray(given)
+        checked = finite_array("pairwise", pairwise, table.shape, allow_minus_inf=True)
+        table = np.ascontiguousarray(checked)
     cells, start = _rows_of(cells_rc, n_nodes)
     threads = min(resolve_threads(), -(-n_nodes // _NODES_PER_TASK) or 1)
     reach = 1 if connectivity == 8 else 0
@@ -181,13 +181,13 @@ def grid_mean_field(
         change = update_rows(nodes, table, cells, start, *rows, reach, damping, beliefs)
         largest[task] = max(largest[task], change)
 
-    def whole(_: int) -> float:
+    def full_pass(_: int) -> float:
         largest[:] = 0.0
         for parity in (0, 1):
             run_tasks(partial(update, parity), len(tasks), n_threads=threads)
         return float(largest.max(initial=0.0))
 
-    history = until_converged(whole, tolerance, max_iterations, on_iteration)
+    history = until_converged(full_pass, tolerance, max_iterations, on_iteration)
     return GridMeanField(
         labels=freeze(beliefs.argmax(axis=1)),
         beliefs=freeze(beliefs),
@@ -198,9 +198,9 @@ def grid_mean_field(
 
 def _rows_of(cells_rc: ArrayLike, n_nodes: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """The cells (N, 2), and the first node of each row (H + 1,)."""
-    given = np.asarray(cells_rc).reshape(-1, 2) if not n_nodes else np.asarray(cells_rc)
-    integer_array("cells_rc", given, (n_nodes, 2), low=0, high=np.iinfo(np.int32).max)
-    cells = np.ascontiguousarray(given, np.int32)
+    checked = np.asarray(cells_rc).reshape(-1, 2) if not n_nodes else np.asarray(cells_rc)
+    integer_array("cells_rc", checked, (n_nodes, 2), low=0, high=np.iinfo(np.int32).max)
+    cells = np.ascontiguousarray(checked, np.int32)
     start = np.zeros((int(cells[:, 0].max()) + 2) if n_nodes else 1, np.int64)
     wrong = row_starts(cells, start)
     if wrong >= 0:

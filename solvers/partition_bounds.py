@@ -61,8 +61,8 @@ def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> Pa
     """
     parts = edge_forests(model.around)
     if len(parts) <= 1:
-        whole = forest_marginals(model)
-        return PartitionBounds(whole.log_partition, whole.log_partition, whole.beliefs)
+        exact = forest_marginals(model)
+        return PartitionBounds(exact.log_partition, exact.log_partition, exact.beliefs)
     upper, marginals = _smallest(model, parts, max_iterations)
     beliefs = np.mean([each.beliefs for each in marginals], axis=0)
     lower = mean_field_bound(model, mean_field(model).beliefs)

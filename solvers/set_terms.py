@@ -188,9 +188,9 @@ class SetTerms:
     def among(self, keep: NDArray[np.bool_]) -> "SetTerms":
         """The terms on the nodes of a mask (N,)."""
         sets = self.nodes
-        kept = sets.cliques.sizes_among(keep) > 0
+        remaining = sets.cliques.sizes_among(keep) > 0
         smaller = SetNodes(sets.cliques.among(keep), int(keep.sum()), sets.n_labels, sets.dissent)
-        return SetTerms(smaller, self.features[kept])
+        return SetTerms(smaller, self.features[remaining])
 
     @property
     def joins(self) -> NDArray[np.int32]:

@@ -197,8 +197,8 @@ def _sums(
     n = features.shape[0]
     member = sp.csr_array((np.ones(n), groups, np.arange(n + 1)), (n, n_groups))
     sums: Any = (member.T @ features).T
-    whole: NDArray[np.float64] = np.ascontiguousarray(sums.toarray() if is_sparse(sums) else sums)
-    return whole
+    dense: NDArray[np.float64] = np.ascontiguousarray(sums.toarray() if is_sparse(sums) else sums)
+    return dense
 
 
 class Expected(NamedTuple):

@@ -105,16 +105,16 @@ def trws(
     if best is not None and not passing.improved:
         labels, score = best, floor
     history = np.array(passing.history).reshape(-1, 2)
-    kept = passing.duals() if duals else None
-    if kept is not None and reduced is not None:
-        kept = lifted_duals(model, reduced, kept)
+    dual_values = passing.duals() if duals else None
+    if dual_values is not None and reduced is not None:
+        dual_values = lifted_duals(model, reduced, dual_values)
     return DualDecoding(
         labels=frozen_copy(labels.astype(np.int64)),
         score=score,
         bound=max(passing.bound, score),
         converged=passing.converged,
         history=frozen_copy(history),
-        duals=None if kept is None else frozen_copy(kept),
+        duals=None if dual_values is None else frozen_copy(dual_values),
     )
 
 
