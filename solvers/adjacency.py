@@ -19,8 +19,7 @@ class Arcs(NamedTuple):
     """Arcs in compressed rows: node ``i`` owns the slots ``start[i]`` to ``start[i + 1]``.
 
     Edge ``e`` = (i, j) makes arc ``2 e`` from i to j and arc ``2 e + 1`` back: ``arc ^ REVERSE`` is
-    the reverse arc, ``arc >> 1`` the edge, and ``arc & 1`` is 1 if the slot's owner is the edge's
-    second node. Values per arc are therefore adjacent in memory for both directions of an edge.
+    the reverse arc, ``arc >> 1`` the edge, ``arc & 1`` whether the owner is the edge's second node.
     """
 
     start: NDArray[np.uint32]
@@ -51,16 +50,7 @@ class Adjacency:
 
 
 def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
-    """The adjacency of ``n_nodes`` nodes and ``edges`` (E, 2), in any order and direction.
-
-    Parallel edges are allowed and add up.
-
-    Examples
-    --------
-    >>> arcs = adjacency(3, [(0, 1), (1, 2)]).arcs
-    >>> arcs.head[arcs.start[1] : arcs.start[2]].tolist()
-    [0, 2]
-    """
+    """The adjacency of ``n_nodes`` nodes and ``edges`` (E, 2), in any order; parallel edges add."""
     require_at_least("n_nodes", n_nodes, 0)
     if n_nodes > _MAX_NODES:
         raise InputError(f"at most {_MAX_NODES} nodes are supported, got {n_nodes}")

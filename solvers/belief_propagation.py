@@ -74,39 +74,27 @@ def belief_propagation(
     max_iterations: int = 100,
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> BeliefPropagation:
-    """Approximate marginals or a labelling from messages between neighbours.
+    """Approximate marginals (``sum-product``) or a labelling (``max-product``) from messages.
 
-    On a forest two sweeps, from the leaves and back, make it exact; damping, tolerance and limit do
-    not matter. Elsewhere messages may oscillate forever: check ``converged``, and use damping.
+    On a forest two sweeps, from the leaves and back, are exact; damping, tolerance and limit do not
+    matter. Elsewhere messages may oscillate: check ``converged``, and use damping (weight of the
+    old log-message, from 0 to below 1).
 
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. Rewards of
-        agreement cost O(K) a message; tables O(K^2), and O(K) for ``"max-product"`` where they fall
-        with the distance of labels, linearly or by its square, down to some value.
-    kind : {"sum-product", "max-product"}
-        Marginals, or the labelling.
-    sets : SetTables, optional
-        Sets of nodes that want one label (:func:`pgm_places.solvers.set_terms.set_tables`), for
-        ``"sum-product"``. O(K n^2) a sweep for a set of n nodes.
-    damping : float
-        Weight of the old log-message in an update, at least 0 and less than 1.
-    tolerance : float
-        Stop when no log-message changed by more than this in a sweep, in units of the potentials
-        (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`); for
-        ``"sum-product"``, whose beliefs depend on the scale, of 1 where the unit is larger.
-    max_iterations : int
-        Sweeps after which to stop, up and down through the node order in turn.
-    on_iteration : callable, optional
-        Called after each sweep with its number and the largest change.
+    A message costs O(K) for rewards of agreement, and in ``max-product`` for truncated linear or
+    quadratic distances of labels; O(K^2) for other tables. ``sets``
+    (:func:`pgm_places.solvers.set_terms.set_tables`, ``sum-product`` only) cost O(K n^2) a sweep
+    for n nodes. Sweeps run up and down the node order in turn, and end when no log-message changes
+    by more than ``tolerance``, in units of the potentials
+    (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`); in
+    ``sum-product``, whose beliefs depend on the scale, in units of at most 1. ``on_iteration`` gets
+    the number of each sweep and its largest change.
 
     Examples
     --------
     >>> from pgm_places.solvers.pairwise import pairwise_model
     >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
-    >>> found = belief_propagation(model, kind="max-product")
-    >>> found.labels.tolist(), found.converged
+    >>> result = belief_propagation(model, kind="max-product")
+    >>> result.labels.tolist(), result.converged
     ([0, 0], True)
     """
     if kind not in ("sum-product", "max-product"):
@@ -222,10 +210,9 @@ def beliefs_from_messages(
 
 
 def pair_beliefs(model: PairwiseModel, messages: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(E, K, K) pair marginals of each edge from sum-product messages (2 E, K).
+    """(E, K, K) pair marginals from sum-product messages (2 E, K); exact without cycles.
 
-    The log-marginal is the edge's potential plus the messages to both ends from all other
-    neighbours; exact without cycles.
+    The log-marginal is the edge's potential plus the other neighbours' messages to both ends.
     """
     heard = heard_from_all(model, messages)
     first, second = model.around.edges.T

@@ -48,15 +48,8 @@ def bucket_order(
 ) -> BucketOrder | None:
     """An elimination order with small tables, by the minimum-weight rule; None if too large.
 
-    The node that leaves the smallest table is eliminated next. With equal numbers of labels this is
-    the minimum-degree rule. ``sizes`` are the labels of each node, ``sets`` the nodes of each edge
-    or factor; ``most_entries`` limits the entries of all tables together.
-
-    Examples
-    --------
-    >>> ring = bucket_order([3, 3, 3, 3], [(0, 1), (1, 2), (2, 3), (0, 3)])
-    >>> ring.width, ring.n_entries
-    (2, 66)
+    The node that leaves the smallest table is next. ``sizes`` are the labels of each node, ``sets``
+    the nodes of each edge or factor; ``most_entries`` limits the entries of all tables together.
     """
     left: list[set[int]] = [set() for _ in sizes]
     for nodes in sets:
@@ -119,8 +112,6 @@ class BucketMarginals:
 class BucketTree:
     """A model's nodes in elimination order, with the table (bucket) of each.
 
-    Notes
-    -----
     R. Dechter, "Bucket elimination: a unifying framework for reasoning", Artificial Intelligence
     113 (1999).
 
@@ -130,9 +121,6 @@ class BucketTree:
     >>> ring, unlike = [(0, 1), (1, 2), (2, 3), (0, 3)], [[-np.inf, 0.0], [0.0, -np.inf]]
     >>> unary = np.array([[1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
     >>> tree = BucketTree.of(pairwise_model(unary, ring, pairwise=unlike))
-    >>> labels, marginals = tree.solved(unary)
-    >>> labels.tolist(), marginals[1].tolist()
-    ([0, 1, 0, 1], [0.0, 2.0])
     >>> tree.marginals(unary).beliefs[0].round(2).tolist()
     [0.88, 0.12]
     """
@@ -167,8 +155,8 @@ class BucketTree:
     def solved(self, unary: Sequence[Array] | Array) -> tuple[NDArray[np.int64], tuple[Array, ...]]:
         """The best labelling (N,) with these unaries, (K,) per node, and each node's max-marginals.
 
-        A max-marginal is the score of the best labelling in which the node has the label; -inf
-        where there is none.
+        A max-marginal is the best score with this label at the node; -inf if no labelling is
+        allowed.
         """
         beliefs, messages = self._collected(unary, _maximum)
         labels = self._traced(beliefs, lambda values: values.argmax(axis=0), 1)[0]

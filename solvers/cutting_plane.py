@@ -61,7 +61,7 @@ class MasterPoint:
 
 
 class CutMaster:
-    """Cuts and their multipliers, solved again after every new cut from where they were.
+    """Cuts and their multipliers, solved again after every new cut, from the last solution.
 
     A primal active-set method on the dual: exact, in some ten pivots a cut. The first ``n_free`` of
     the ``n_weights`` weights may be negative.
@@ -238,28 +238,14 @@ def cutting_plane(
 ) -> LearnedWeights:
     """The weights that minimise the max-margin objective, to a relative gap of ``tolerance``.
 
-    Parameters
-    ----------
-    problem : MaxMarginProblem or TableMarginProblem
-    oracle : callable
-        A labelling of large score for some potentials. The lower bound holds for any oracle, the
-        objective only for one that finds the maximum.
-    cuts : sequence of Cut
-        Planes known from an earlier run on the same nodes and losses (any penalty).
-    start : (n_weights,) float, optional
-        Weights to begin at: the first plane is taken there, and the next ones between them and the
-        minimiser of the planes so far.
-    thorough : callable, optional
-        A slower oracle that misses less: it takes over when the gap has closed with ``oracle``.
-    verifier : callable, optional
-        Called when the oracle's gap has closed, such as ``certify_weights``. Learning continues
-        with its labelling until the gap between its rigorous objective and the lower bound is at
-        most ``verified_tolerance``, or it finds no new labelling.
-    exact : bool
-        Whether the oracle always finds the maximum, as a graph cut with two labels does: the
-        objective is then rigorous.
-    on_iteration : callable, optional
-        Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
+    The ``oracle`` finds a labelling of large score. The lower bound holds for any oracle, the
+    objective only for one that finds the maximum, such as a graph cut with two labels (``exact``).
+    ``cuts`` are planes of an earlier run on the same nodes and losses, with any penalty. The first
+    plane is taken at ``start`` (n_weights,). ``thorough`` is a slower, better oracle for use after
+    the gap has closed; then a ``verifier``, such as ``certify_weights``, adds labellings until its
+    rigorous objective exceeds the lower bound by at most ``verified_tolerance``, or it finds no new
+    labelling. ``on_iteration`` gets a :class:`~pgm_places.solvers.margin_solution.LearningStep`;
+    True stops.
 
     Examples
     --------
@@ -268,8 +254,8 @@ def cutting_plane(
     >>> edges = np.array([[0, 1], [1, 2]], np.int32)
     >>> features, truth = np.array([[1.0], [0.2], [-1.0]]), np.array([0, 0, 1])
     >>> problem = MaxMarginProblem(features, edges, np.ones((2, 1)), truth, 2, np.ones(3), 10.0)
-    >>> found = cutting_plane(problem, graph_cut_oracle(3, edges), tolerance=1e-6, exact=True)
-    >>> found.status, round(found.objective, 3)
+    >>> learned = cutting_plane(problem, graph_cut_oracle(3, edges), tolerance=1e-6, exact=True)
+    >>> learned.status, round(learned.objective, 3)
     ('optimal', 0.917)
     """
     begun = time.perf_counter()

@@ -45,8 +45,7 @@ def lifted_duals(
 ) -> NDArray[np.float64]:
     """(2 E, K) duals of the full problem from duals of the reduced one; the bound is the same.
 
-    An edge with one decided end gives its potential to the open end; labels that were ruled out
-    are -inf.
+    An edge with one decided end gives its potential to the open end; eliminated labels are -inf.
     """
     edges, n_labels = full.around.edges, full.n_labels
     if full.agreement is None:
@@ -67,22 +66,10 @@ def lifted_duals(
 
 
 def reduce_model(model: PairwiseModel) -> Reduction:
-    """The problem without labels that cannot be optimal.
+    """The problem without labels that no optimal labelling contains; pairwise tables do not change.
 
-    Exact: the best score is the same, and every optimal labelling survives. Pairwise tables do not
-    change.
-
-    Notes
-    -----
     R. F. Goldstein, "Efficient rotamer elimination applied to protein side-chains and related spin
-    glasses" (Biophysical Journal 1994), applied until nothing more can be ruled out.
-
-    Examples
-    --------
-    >>> model = pairwise_model([[5.0, 0.0], [0.0, 0.4]], [(0, 1)], [[1.0, 1.0]])
-    >>> reduced = reduce_model(model)
-    >>> len(reduced.nodes), reduced.labels.tolist(), reduced.model.offset
-    (0, [0, 0], 6.0)
+    glasses" (Biophysical Journal 1994), applied until no label can be eliminated.
     """
     if model.agreement is None:
         first = model.unary.argmax(axis=1).astype(np.int32)

@@ -36,8 +36,7 @@ def forest_sums(
 ) -> "ForestSums":
     """The sums over the labellings of a model without cycles; InfeasibleError if none is allowed.
 
-    ``order`` (N,) has each node after its parent, ``parent`` (N,) the arc from each node to its
-    parent.
+    ``order`` (N,) has each node after its parent, ``parent`` (N,) the arc to each node's parent.
     """
     inner, shares = np.empty(model.unary.shape), np.empty(model.n_nodes)
     deepest = subtract_peaks(model.unary, inner, shares)
@@ -203,13 +202,8 @@ class ForestMarginals:
 def forest_maximum(model: PairwiseModel) -> ForestDecoding:
     """The best labelling of a graph without cycles, exactly; Viterbi's algorithm on a chain.
 
-    Tables cost O(K^2) a node, or O(K) for truncated linear or truncated quadratic distances of
-    labels.
-
-    Raises
-    ------
-    InputError
-        The graph has a cycle, or no labelling is allowed.
+    O(K^2) a node for tables, O(K) for truncated linear or truncated quadratic distances of labels.
+    InputError if the graph has a cycle, or no labelling is allowed.
 
     Examples
     --------
@@ -234,13 +228,6 @@ def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarg
     """The exact marginals and partition function; forward-backward on a chain.
 
     Errors are those of :func:`forest_maximum`; ``pairs`` requests the marginals of edges as well.
-
-    Examples
-    --------
-    >>> from pgm_places.solvers.pairwise import pairwise_model
-    >>> model = pairwise_model([[0.0, 0.0], [0.0, 0.0]], [(0, 1)], [[0.5, 0.5]])
-    >>> forest_marginals(model).beliefs.tolist()
-    [[0.5, 0.5], [0.5, 0.5]]
     """
     order, parent = rooted_forest(model.around)
     sums = forest_sums(model, order, parent)
@@ -271,14 +258,7 @@ def forest_samples(model: PairwiseModel, *, n_samples: int, seed: int = 0) -> ND
 
 
 def max_marginals(model: PairwiseModel) -> NDArray[np.float64]:
-    """(N, K) the largest score of a labelling in which the node has the label; -inf for none.
-
-    Examples
-    --------
-    >>> from pgm_places.solvers.pairwise import pairwise_model
-    >>> max_marginals(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])).tolist()
-    [[1.5, 0.9], [1.5, 1.4]]
-    """
+    """(N, K) the best score with each label at each node; -inf if no labelling is allowed."""
     best = forest_maximum(model)
     order, parent = rooted_forest(model.around)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))

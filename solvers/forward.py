@@ -70,19 +70,10 @@ def markov_chain(
 ) -> Chain:
     """A hidden Markov chain with its observations.
 
-    Likelihoods may differ by any factor, and add up to any over many steps.
-
-    Parameters
-    ----------
-    initial : (K,) float
-        Probabilities of the labels at the first step, before its observation.
-    transition : (K, K) or (A, K, K) float
-        ``transition[..., m, l]`` is the probability of ``l`` after ``m``; one table, or one for
-        each of A actions. Rows sum to 1.
-    log_likelihood : (T, K) float
-        ``log P(z_t | l)`` up to a constant per step; ``-inf`` is probability 0.
-    actions : (T - 1,) int, optional
-        Number of the action between each step and the next; needed where A > 1.
+    ``initial`` (K,) holds probabilities before the first observation. ``transition[..., m, l]``,
+    (K, K) or one table for each of A actions, is the probability of ``l`` after ``m``; rows sum to
+    1. ``log_likelihood`` (T, K) is ``log P(z_t | l)`` up to a constant per step, of any range;
+    ``-inf`` is probability 0. ``actions`` (T - 1,) are needed where A > 1.
     """
     rows = np.asarray(log_likelihood, np.float64)
     if rows.ndim != 2:
@@ -130,7 +121,7 @@ def exceeds_floats(
 ) -> bool:
     """Whether filtered beliefs (T, K) may have lost a label to underflow that later steps need.
 
-    ``impossible`` (T,) marks steps whose observation was skipped.
+    The observations of ``impossible`` steps (T,) were skipped.
     """
     if chain.transition_t.min(initial=1.0) >= LEAST_ARRIVAL:
         return False
@@ -231,23 +222,12 @@ def filtered_beliefs(chain: Chain) -> ChainBeliefs:
 
 
 def smoothed_beliefs(chain: Chain) -> ChainBeliefs:
-    """Beliefs from all observations, before and after.
-
-    Examples
-    --------
-    >>> from pgm_places.solvers.forward import markov_chain
-    >>> stay = [[0.9, 0.1], [0.1, 0.9]]
-    >>> chain = markov_chain([0.5, 0.5], stay, np.log([[0.5, 0.5], [0.8, 0.2]]))
-    >>> smoothed_beliefs(chain).beliefs.round(3).tolist()
-    [[0.74, 0.26], [0.8, 0.2]]
-    """
+    """Beliefs from all observations, before and after."""
     return _explained(chain, smooth=True)
 
 
 def viterbi(chain: Chain) -> ChainPath:
-    """The labels with the largest joint probability.
-
-    Ties go to the smaller label.
+    """The labels with the largest joint probability; ties go to the smaller label.
 
     Examples
     --------
@@ -290,15 +270,9 @@ class ForwardFilter:
     ) -> tuple[NDArray[np.float64], bool]:
         """The belief (K,) after one more step, and whether its observation was possible.
 
-        Parameters
-        ----------
-        log_likelihood : (K,) float
-            ``log P(z | l)`` of the new observation.
-        belief : (K,) float, optional
-            Belief at the step before; None at the first. A label of belief 0, even after underflow,
-            stays at 0 until a transition leads back to it.
-        action : int
-            Transition table of this step, from 0 to A - 1.
+        ``log_likelihood`` (K,) is ``log P(z | l)``, ``belief`` (K,) that of the step before, None
+        at the first step, ``action`` the number of the transition table. A label of belief 0, even
+        after underflow, stays at 0 until a transition leads back to it.
         """
         table = integer_array("action", [action], (1,), low=0, high=len(self._transition_t))
         rows = np.ascontiguousarray(number_array("log_likelihood", log_likelihood)[None])

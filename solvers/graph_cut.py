@@ -55,27 +55,12 @@ def minimum_cut(
 ) -> MinimumCut:
     """The minimum cut between a source and a sink that are joined to N nodes.
 
-    Capacities are float64 without scaling to integers: if they are multiples of one power of two
-    and their sum is below 2**53 times this power (integers, for instance), every step is exact and
-    so is the cut. Otherwise the flow's subtractions round, and the value is within
-    ``1e-12`` of the largest flow, relative to the sum of all capacities.
+    Capacities are float64, at least 0: of source and sink (N,), and of ``edges`` (E, 2),
+    ``forward`` and ``backward`` (E,); parallel edges add up. If capacities are multiples of one
+    power of two and their sum is below 2**53 times this power (integers, for instance), the cut is
+    exact. Otherwise its value is within ``1e-12`` of the largest flow, relative to the sum of all
+    capacities. InputError if a shape does not fit, or a capacity is negative or not finite.
 
-    Parameters
-    ----------
-    source_capacity, sink_capacity : (N,) float
-        Capacity from the source to each node, and from each node to the sink; at least 0.
-    edges : (E, 2) int
-        Pairs of nodes, in any order; parallel edges add up.
-    forward, backward : (E,) float
-        Capacity of each edge from its first node to its second, and back; at least 0.
-
-    Raises
-    ------
-    InputError
-        A shape does not fit, or a capacity is negative or not finite.
-
-    Notes
-    -----
     Boykov and Kolmogorov, PAMI 2004.
 
     Examples
@@ -155,39 +140,24 @@ def alpha_expansion(
     A move on label ``a`` lets every node keep its label or switch to ``a``; the best move is found
     exactly. It is possible when the pairwise log-potentials are regular: for all labels b, c
     ``pairwise[b, c] + pairwise[a, a] >= pairwise[b, a] + pairwise[a, c]``, which holds for every
-    ``agreement >= 0``, also class-dependent, and for the negative of every metric. With two labels
-    one cut gives the best labelling of all.
+    ``agreement >= 0``, also class-dependent, and for the negative of every metric; otherwise
+    InputError names the first offending edge and labels. With two labels one cut gives the best
+    labelling of all.
 
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
-    initial : (N,) int, optional
-        Labelling to start from; the best unaries by default. Not used with two labels.
-    max_sweeps : int
-        Rounds over all labels after which to stop.
-    space : MoveSpace, optional
-        Working arrays of the model's graph, to be reused for further problems on it.
-    on_iteration : callable, optional
-        Called after each round with its number and the score.
+    ``initial`` (N,) is by default the best unaries, and not used with two labels. ``space`` are
+    arrays to be reused for further problems on the graph; ``on_iteration`` gets the number of each
+    round over the labels and the score. A move is made when its gain exceeds 1e-12 of its summed
+    terms.
 
-    Raises
-    ------
-    InputError
-        The potentials are not regular; the message names the first offending edge and labels.
-
-    Notes
-    -----
     Boykov, Veksler and Zabih, "Fast approximate energy minimization via graph cuts" (PAMI 2001);
-    Taskar, Chatalbashev and Koller (ICML 2004) for class-dependent rewards. Log-potentials are
-    float64 throughout; a move is made when its gain exceeds 1e-12 of its summed terms.
+    Taskar, Chatalbashev and Koller (ICML 2004) for class-dependent rewards.
 
     Examples
     --------
     >>> from pgm_places.solvers.pairwise import pairwise_model
     >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
-    >>> found = alpha_expansion(model)
-    >>> found.labels.tolist(), found.score, found.exact
+    >>> cut = alpha_expansion(model)
+    >>> cut.labels.tolist(), cut.score, cut.exact
     ([0, 0], 1.5, True)
     """
     require_at_least("max_sweeps", max_sweeps, 1)

@@ -92,7 +92,7 @@ class _Rows:
 def neighbour_weights(diagonal_weight: float) -> tuple[float, float]:
     """Weights c_ij of a neighbour that shares a side and of one that shares a corner.
 
-    All eight sum to 1. A diagonal weight of 1 gives each neighbour 1/8 as in the paper, 0 drops the
+    All 8 sum to 1. A diagonal weight of 1 gives each neighbour 1/8 as in the paper; 0 ignores
     corners.
     """
     if not (np.isfinite(diagonal_weight) and diagonal_weight >= 0):
@@ -119,31 +119,14 @@ def relax_grid(
     """Relaxed beliefs of the cells of a raster; the same bits for any thread count.
 
     Neighbours outside the raster, and cells that are neither nodes nor walls, contribute nothing.
+    ``compatibility``, (1 or 8, K + 1, K + 1), has ``r[d, l, m]`` in [-1, 1]: label ``l`` here,
+    ``m`` at the neighbour in direction ``d`` of :data:`pgm_places.solvers.relaxation.DIRECTIONS`;
+    one table serves all. Label K is wall. ``walls`` (H, W), or a function that returns them, are
+    cells that surely are walls. ``cells_rc`` (N, 2) has no cell twice. Other parameters are those
+    of :func:`pgm_places.solvers.relaxation.relax_graph` and :func:`neighbour_weights`.
 
-    Parameters
-    ----------
-    unary : (N, K) float
-        Log-probabilities at the start.
-    cells_rc : (N, 2) int or MaskCells
-        Row and column of each node, no cell twice; or the cells of a mask.
-    shape : (int, int)
-        Rows and columns of the raster.
-    compatibility : (1, K + 1, K + 1) or (8, K + 1, K + 1) float
-        ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour in direction ``d`` of
-        :data:`pgm_places.solvers.relaxation.DIRECTIONS`; one table serves all. Label K is wall.
-    walls : (H, W) bool, or a function that returns them, optional
-        Cells that surely are walls. The result of a function is freed before the iterations.
-    diagonal_weight : float
-        Weight of neighbours that share a corner, relative to a side; see
-        :func:`neighbour_weights`.
-    floor, damping, max_iterations, tolerance, on_iteration
-        As in :func:`pgm_places.solvers.relaxation.relax_graph`.
-
-    Notes
-    -----
     Apart from the input, memory is about ``4 K + 1`` bytes for each cell of the 16 x 1 blocks that
-    hold a node or its neighbour; empty parts of a huge raster cost almost nothing. Blocks are
-    released while the result is read.
+    hold a node or its neighbour. Blocks are released while the result is read.
     """
     check_iteration_limits(max_iterations, tolerance, damping, fewest=0)
     table = np.asarray(unary)

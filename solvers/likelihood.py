@@ -75,32 +75,12 @@ def negative_log_likelihood(
     expected: NDArray[np.float64] | None = None,
     node_weight: NDArray[np.float64] | None = None,
 ) -> tuple[float, NDArray[np.float64]]:
-    """The negative log-likelihood ``L(w)`` of the labels, or a surrogate of it, with gradient.
+    """The negative log-likelihood ``L(w)`` of the labels, or a surrogate of it, with its gradient.
 
-    The module's text has the formulas and their sources.
-
-    Parameters
-    ----------
-    field : TableField
-    labels : (N,) int
-        The true label of each node, -1 where it is unknown.
-    weights : (n_weights,) float
-        w.
-    kind : {"likelihood", "pseudo-likelihood", "piecewise"}
-    expected : (N, K) float, optional
-        For ``pseudo-likelihood``: probabilities of the unknown labels, uniform by default.
-    node_weight : (N,) float, optional
-        Weight of each node.
-
-    Returns
-    -------
-    value : float
-    gradient : (n_weights,) float
-
-    Raises
-    ------
-    InputError
-        ``likelihood`` on a graph with a cycle, or with different weights in one connected part.
+    Formulas and sources are in the module's text. ``labels`` (N,) are -1 where unknown;
+    ``expected`` (N, K) are probabilities of unknown labels for ``pseudo-likelihood``, uniform by
+    default. InputError for ``likelihood`` on a graph with a cycle, or with different
+    ``node_weight`` (N,) in one connected part.
 
     Examples
     --------
@@ -128,42 +108,24 @@ def maximize_likelihood(
     time_limit_s: float | None = None,
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
-    """The weights of least f, by L-BFGS.
+    """The weights of least f, by L-BFGS; arguments as of :func:`negative_log_likelihood`.
 
     The lower bound is that of a strongly convex function: f(w) exceeds its minimum by at most half
     the squared length of its gradient. With unknown labels f is not convex, and the bound is 0.
 
-    Parameters
-    ----------
-    field, labels, kind, node_weight
-        As of :func:`negative_log_likelihood`.
-    penalty : float
-        C.
-    start : (n_weights,) float, optional
-        Initial weights, 0 by default.
-    observed : (N,) int, optional
-        Observed labels, -1 elsewhere: the likelihood of the other labels is conditioned on them.
-    tolerance : float
-        The relative gap at which learning ends.
-    max_iterations : int
-        Limit of the steps; with ``pseudo-likelihood`` and unknown labels, limit per round.
-    time_limit_s : float, optional
-        Learning ends after this many seconds with the weights so far.
-    on_iteration : callable, optional
-        Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
-
-    Raises
-    ------
-    InputError
-        No node of a weight above 0 has a label, or as of :func:`negative_log_likelihood`.
+    ``penalty`` is C; learning begins at ``start`` (n_weights,), 0 by default, and ends at a
+    relative gap of ``tolerance``. The likelihood is conditioned on ``observed`` labels (N,), -1
+    elsewhere. With ``pseudo-likelihood`` and unknown labels, ``max_iterations`` is the limit of
+    each round. ``on_iteration`` gets a :class:`~pgm_places.solvers.margin_solution.LearningStep`;
+    True stops. InputError if no node of positive weight has a label.
 
     Examples
     --------
     >>> from pgm_places.solvers.adjacency import adjacency
     >>> edges = [(0, 1), (1, 2), (2, 3)]
     >>> chain = TableField(np.ones((4, 1)), adjacency(4, edges), np.ones((3, 1)), 2)
-    >>> found = maximize_likelihood(chain, np.array([0, 1, 0, 1]), 10.0, tolerance=1e-6)
-    >>> found.status, found.weights[2:].round(2).tolist()
+    >>> learned = maximize_likelihood(chain, np.array([0, 1, 0, 1]), 10.0, tolerance=1e-6)
+    >>> learned.status, learned.weights[2:].round(2).tolist()
     ('optimal', [-0.7, 1.43, -0.04, -0.7])
     """
     asked = labels >= 0 if observed is None else (labels >= 0) & (observed < 0)

@@ -43,13 +43,9 @@ def iterated_conditional_modes(
 ) -> LocalSearch:
     """A labelling that no change of one node improves, by passes over the nodes in index order.
 
-    The score never falls. Fast but weak: a wrong label of a large region stays. It starts from
+    The score never falls. Fast but weak: a wrong label of a large region stays. Passes start from
     ``initial`` (N,), by default the best unaries; ``on_iteration`` gets the number of each pass and
-    its changed nodes.
-
-    Notes
-    -----
-    J. Besag, "On the statistical analysis of dirty pictures" (JRSS B 1986).
+    its changed nodes. J. Besag, "On the statistical analysis of dirty pictures" (JRSS B 1986).
 
     Examples
     --------
@@ -103,23 +99,12 @@ class _SearchSpace(NamedTuple):
 def allowed_labels(
     model: PairwiseModel, labels: NDArray[np.integer], *, max_failures: int = MAX_FAILURES
 ) -> NDArray[np.int64] | None:
-    """A labelling (N,) of finite score that no change of one node improves; None if none is found.
+    """A labelling (N,) of finite score that no change of one node improves; None if not found.
 
     A depth-first search in index order that prefers ``labels`` and, after every decision, rules out
-    labels without support at a neighbour (maintaining arc consistency): exact on forests, complete
-    up to ``max_failures`` dead ends elsewhere. InfeasibleError if no labelling is allowed.
-
-    Notes
-    -----
-    A. K. Mackworth, "Consistency in networks of relations" (Artificial Intelligence 1977).
-
-    Examples
-    --------
-    >>> from pgm_places.solvers.pairwise import pairwise_model
-    >>> unlike = [[-np.inf, 0.0], [0.0, -np.inf]]
-    >>> model = pairwise_model([[1.0, 0.0], [1.0, 0.0]], [(0, 1)], pairwise=unlike)
-    >>> allowed_labels(model, np.array([0, 0])).tolist()
-    [0, 1]
+    labels without support at a neighbour (maintaining arc consistency: A. K. Mackworth,
+    "Consistency in networks of relations", Artificial Intelligence 1977). Exact on forests,
+    complete up to ``max_failures`` dead ends elsewhere. InfeasibleError if no labelling is allowed.
     """
     n_nodes, n_labels = model.unary.shape
     space = _SearchSpace(

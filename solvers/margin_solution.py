@@ -23,7 +23,7 @@ class Cut:
 class LearningStep:
     """Progress of a learner, passed to ``on_iteration``, which returns True to stop it.
 
-    ``objective`` is the learner's estimate for the best weights so far; ``gap`` is relative:
+    ``objective`` is an estimate for the best weights so far; ``gap`` is
     ``(objective - lower_bound) / objective``.
     """
 

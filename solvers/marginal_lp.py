@@ -30,26 +30,17 @@ def dual_bound(
     """Upper bound of all scores: the best of each node and edge after reparametrisation.
 
     ``sum_i max_k (unary_i(k) + sum_e d_ei(k)) + sum_e max_kl (table_e(k, l) - d_ei(k) - d_ej(l))``
-    is a bound for any duals; the smallest one is the value of the linear relaxation.
+    is a bound for any duals; the smallest one is the value of the linear relaxation. ``duals``
+    (2 E, K) are messages of each edge to its nodes: row ``2 e`` to the second, row ``2 e + 1`` to
+    the first. -inf rules the label out at that node; the bound then holds for labellings without
+    it.
 
-    Parameters
-    ----------
-    unary, edges, agreement, pairwise
-        See :func:`pgm_places.solvers.pairwise.pairwise_model`.
-    duals : (2 E, K) float
-        Message of each edge to its nodes: row ``2 e`` to the second, row ``2 e + 1`` to the first.
-        -inf rules the label out at that node; the bound then holds for labellings without it.
-
-    Notes
-    -----
     T. Werner, "A linear programming approach to max-sum problem: a review" (PAMI 2007); D. Sontag,
     A. Globerson and T. Jaakkola, "Introduction to dual decomposition for inference" (2011).
 
     Examples
     --------
     >>> unary, edges, agreement = [[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]
-    >>> dual_bound(unary, edges, agreement, duals=np.zeros((2, 2)))
-    1.9
     >>> dual_bound(unary, edges, agreement, duals=[[0.5, 0.0], [0.0, 0.5]])
     1.5
     """
@@ -67,8 +58,8 @@ def reparametrisation(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N, K) unaries and (E, K, K) tables after moving the duals: every labelling scores the same.
 
-    Parameters are those of :func:`dual_bound`. Labels that the duals rule out are -inf. A node or
-    an edge with a unique maximum is decided; if the bound is tight, the maxima are consistent.
+    Parameters as of :func:`dual_bound`. A node or an edge with a unique maximum is decided; if the
+    bound is tight, the maxima are consistent.
     """
     model = pairwise_model(unary, edges, agreement, pairwise)
     moved = _checked(model, duals)
@@ -180,27 +171,18 @@ def solve_marginal_lp(model: PairwiseModel, *, eliminate: bool = True) -> LPDeco
     """The linear relaxation solved by HiGHS, and its rounding, improved by local search.
 
     For ``agreement >= 0`` one variable per edge and label, ``y_ij^k <= y_i^k`` and
-    ``y_ij^k <= y_j^k``; else the local polytope, whose edge marginals sum to their nodes'. Two
-    labels with associative potentials, and forests, always come out integral.
-
-    Raises
-    ------
-    InputError
-        No labelling is allowed.
-    SolverError
-        HiGHS ended without an optimum.
-
-    Notes
-    -----
-    The associative form is that of Taskar, Chatalbashev and Koller (ICML 2004). For large grids
-    :func:`pgm_places.solvers.trws.trws` comes close to the same bound in a fraction of the time.
+    ``y_ij^k <= y_j^k`` (Taskar, Chatalbashev and Koller, ICML 2004); else the local polytope, whose
+    edge marginals sum to their nodes'. Two labels with associative potentials, and forests, always
+    come out integral. For large grids :func:`pgm_places.solvers.trws.trws` comes close to the same
+    bound in a fraction of the time. InputError if no labelling is allowed, SolverError if HiGHS
+    ends without an optimum.
 
     Examples
     --------
     >>> from pgm_places.solvers.pairwise import pairwise_model
     >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
-    >>> found = solve_marginal_lp(model)
-    >>> found.labels.tolist(), round(found.bound, 6), found.integral
+    >>> relaxed = solve_marginal_lp(model)
+    >>> relaxed.labels.tolist(), round(relaxed.bound, 6), relaxed.integral
     ([0, 0], 1.5, True)
     """
     left, nodes = model, np.arange(model.n_nodes)

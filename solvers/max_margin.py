@@ -44,12 +44,11 @@ Oracle = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.int64]]
 
 
 class MarginProblem(ABC):
-    """A learning problem as the cutting plane sees it: the hinge, and planes below it.
+    """A learning problem as the cutting plane uses it: the hinge, and planes below it.
 
-    ``labels`` (N,) are the true ones, ``loss`` (N,) is what a wrong one costs at each node,
-    ``penalty`` is C, and every labelling keeps the ``observed`` labels (N,), -1 elsewhere.
-    With ``costs`` (K, K) a wrong label costs ``loss`` times the entry of true and wrong label.
-    An ``offset`` (N, K) belongs to the score, but not to the features: no weight is learned for it.
+    ``labels`` (N,) are the true ones, ``loss`` (N,) the cost of a wrong one, times the entry of
+    true and wrong label in ``costs`` (K, K); ``penalty`` is C; ``observed`` labels (N,), -1
+    elsewhere, are fixed. An ``offset`` (N, K) is part of the score without a learned weight.
     """
 
     labels: NDArray[np.int64]
@@ -237,8 +236,7 @@ class MaxMarginProblem(MarginProblem):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Unary (N, K) and agreement (E, K) of the score.
 
-        With sets, potentials of the pairwise graph, which includes the nodes and links of sets, and
-        one more label if K is 3 or more; labels of the first N nodes are the result.
+        With sets the graph includes their nodes and links, and one more label if K is 3 or more.
         """
         node_weights, edge_weights = self.split(weights)
         unary = _products(self.node_features, node_weights)
@@ -290,8 +288,7 @@ class MaxMarginProblem(MarginProblem):
 def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
     """Several training maps of one kind as one problem of separate blocks.
 
-    The maximum over labellings splits over blocks, so the hinge is the mean of the maps' hinges,
-    weighted by their numbers of nodes.
+    The hinge is the mean of the maps' hinges, weighted by their numbers of nodes.
     """
     first = problems[0]
     if len(problems) == 1:
@@ -350,20 +347,9 @@ def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArra
 def hinge(problem: MarginProblem, weights: NDArray[np.float64], augmented_maximum: float) -> float:
     """The mean hinge ``H(w) = 1/N (max_y [s_w(y) + loss(y)] - s_w(t))``, t the true labels.
 
-    Parameters
-    ----------
-    problem : MaxMarginProblem or TableMarginProblem
-        N nodes.
-    weights : (n_weights,) float
-        w.
-    augmented_maximum : float
-        ``max_y [s_w(y) + loss(y)]``; an upper bound of it gives an upper bound of H, the score of
-        any labelling a lower bound.
-
-    Notes
-    -----
-    Margin rescaling: I. Tsochantaridis, T. Joachims, T. Hofmann, Y. Altun, "Large margin methods
-    for structured and interdependent output variables" (JMLR 2005).
+    ``augmented_maximum`` is the maximum; an upper bound of it gives an upper bound of H, the score
+    of any labelling a lower bound. Margin rescaling: I. Tsochantaridis, T. Joachims, T. Hofmann, Y.
+    Altun, "Large margin methods for structured and interdependent output variables" (JMLR 2005).
     """
     truth = float(problem.truth_features @ weights)
     return max(augmented_maximum - truth, 0.0) / problem.n_nodes

@@ -82,19 +82,12 @@ def max_margin_qp(
 
     The solver's answer is made feasible: w_e and b are clipped to their bounds and a is recomputed,
     so that a feasible point attains ``objective``; ``lower_bound`` is computed from the solver's
-    node marginals, also made feasible.
+    node marginals, also made feasible. If ``solver`` fails, the other one is tried. OSQP runs
+    without its own scaling, on the objective times N/C; otherwise it does not converge on maps.
 
-    ``solver`` is tried first; if it fails, the other one is tried. OSQP runs without its own
-    scaling, on the objective multiplied by N/C; otherwise it does not converge on maps.
-    ``on_iteration`` is called after each chunk of its iterations.
-
-    Raises
-    ------
-    InputError
-        An unknown solver, a problem with sets of nodes or sparse features, one that would not fit
-        into memory, or one too large for Clarabel.
-    SolverError
-        No solver found a solution; the message lists every status.
+    InputError for an unknown solver, a problem with sets of nodes or sparse features, or one that
+    does not fit into memory or is too large for Clarabel; SolverError if no solver finds a
+    solution.
     """
     if solver not in QP_SOLVERS:
         raise InputError(f"the QP's solver must be one of {', '.join(QP_SOLVERS)}, got {solver!r}")
@@ -168,8 +161,7 @@ def relaxed_objective(
 ) -> float:
     """A rigorous upper bound of the relaxed objective at ``weights`` from any edge duals.
 
-    ``split`` (E, K) is b; it is clipped to [-S/2, S/2], and the node duals are recomputed as their
-    smallest feasible values.
+    ``split`` (E, K) is b, clipped to [-S/2, S/2]; node duals are their smallest feasible values.
     """
     unary, agreement = problem.augmented_potentials(weights)
     half = 0.5 * agreement

@@ -28,8 +28,8 @@ def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Ora
 def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool = False) -> Oracle:
     """Alpha-expansion on one graph: exact for two labels, near the best for more; not thread-safe.
 
-    ``from_last`` starts from the last call's labels instead of the best unaries: fewer moves while
-    the weights change little, but a labelling missed by one call is likely missed by the next.
+    ``from_last`` starts from the last call's labels: fewer moves while the weights change little,
+    but a labelling missed by one call is likely missed by the next.
     """
     around = adjacency(n_nodes, edges)
     space = MoveSpace(around)
@@ -65,27 +65,11 @@ def certify_weights(
     accuracy: float = 1e-3,
     max_iterations: int = MAX_PASSES,
 ) -> Certificate:
-    """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
+    """The objective at ``weights`` (n_weights,), with the hinge replaced by its TRW-S upper bound.
 
-    Parameters
-    ----------
-    problem : MaxMarginProblem
-    weights : (n_weights,) float
-    accuracy : float
-        Stop when a tighter bound could change the objective by no more than this share of it.
-    max_iterations : int
-        Passes of TRW-S after which to stop.
-
-    Returns
-    -------
-    Certificate
-        No smaller than ``f(weights)``; the learned weights are within ``objective`` minus a lower
-        bound of f's minimum of the optimum.
-
-    Notes
-    -----
-    V. Kolmogorov, "Convergent tree-reweighted message passing for energy minimization" (PAMI 2006),
-    on the loss-augmented potentials.
+    It is no smaller than ``f(weights)``, and minus a lower bound of f's minimum it bounds the
+    distance to the optimum. TRW-S (V. Kolmogorov, PAMI 2006) runs on the loss-augmented potentials
+    until a tighter bound could change the objective by at most the share ``accuracy``.
     """
     unary, agreement = problem.augmented_potentials(weights)
     model = pairwise_model(unary, problem.whole_edges, agreement)
@@ -124,9 +108,9 @@ def certify(
 class PottsMarginProblem(MaxMarginProblem):
     """A :class:`~pgm_places.solvers.max_margin.MaxMarginProblem` with edge weights (F,).
 
-    With weights per label, a label with larger edge rewards gains at every node inside a region,
-    by the rewards of the node's edges. Next to an offset of likely labels, this relabels entire
-    regions; with common weights only borders are left to learn.
+    With weights per label, a label with larger edge rewards gains at every node inside a region.
+    Next to an offset of likely labels, this relabels entire regions; common weights only change
+    borders.
     """
 
     @property
@@ -237,7 +221,7 @@ def table_oracle(field: TableField, *, from_last: bool = False) -> Oracle:
     """A function that finds labellings of large score on a field's pairwise graph.
 
     ``from_last`` continues from the last call's messages with a few passes and a local search: a
-    fifth of the time while the weights change little. The function is then not thread-safe.
+    fifth of the time while the weights change little, but not thread-safe.
     """
     if from_last and not field.is_forest and field.sets is None:
         again = RepeatedDecoding()
@@ -257,10 +241,7 @@ def table_oracle(field: TableField, *, from_last: bool = False) -> Oracle:
 
 
 def certify_tables(problem: TableMarginProblem, weights: NDArray[np.float64]) -> Certificate:
-    """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
-
-    As :func:`~pgm_places.solvers.max_oracle.certify_weights`, for tables.
-    """
+    """:func:`certify_weights` for tables."""
     field = problem.field
     unary, tables = problem.augmented_potentials(weights)
     quick = best_labels(field, unary, tables, ORACLE_PASSES)

@@ -46,32 +46,19 @@ def mean_field(
 ) -> MeanField:
     """Independent beliefs ``q`` that locally minimise ``KL(q || p)`` of the Markov random field.
 
-    Nodes are updated one after the other, so that without damping the bound of the partition
-    function never falls. Beliefs start at the normalised unaries.
-
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. A node whose
-        neighbours together forbid every label (-inf) keeps its beliefs.
-    sets : SetTables, optional
-        Sets of nodes that want one label (:func:`pgm_places.solvers.set_terms.set_tables`).
-    damping : float
-        Weight of the old belief in an update, at least 0 and less than 1.
-    tolerance : float
-        Stop when no belief changed by more than this in a pass, in units of the potentials
-        (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`) where these
-        are below 1: beliefs then differ by no more than that.
-    max_iterations : int
-        Passes after which to stop.
-    on_iteration : callable, optional
-        Called after each pass with its number and the largest change.
+    Nodes are updated one after the other, from the normalised unaries, so that without damping
+    (weight of the old belief, from 0 to below 1) the bound of the partition function never falls. A
+    node whose neighbours together forbid every label (-inf) does not change. Passes end when no
+    belief changes by more than ``tolerance``, in units of the potentials
+    (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`) of at most 1.
+    ``sets`` are from :func:`pgm_places.solvers.set_terms.set_tables`; ``on_iteration`` gets the
+    number of each pass and its largest change.
 
     Examples
     --------
     >>> from pgm_places.solvers.pairwise import pairwise_model
-    >>> found = mean_field(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]))
-    >>> found.labels.tolist(), found.beliefs.sum(axis=1).tolist()
+    >>> field = mean_field(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]))
+    >>> field.labels.tolist(), field.beliefs.sum(axis=1).tolist()
     ([0, 1], [1.0, 1.0])
     """
     check_iteration_limits(max_iterations, tolerance, damping)
@@ -128,29 +115,12 @@ def grid_mean_field(
 ) -> GridMeanField:
     """Independent beliefs of a raster's cells that locally minimise ``KL(q || p)``.
 
-    As :func:`~pgm_places.solvers.mean_field.mean_field`, for one table on all edges. A pass updates
-    the even rows first, then the odd ones, each from left to right. Rows of equal parity do not
-    touch, so results are identical for any number of threads; no two neighbours are updated at
-    once, so without damping the bound of the partition function never falls.
-
-    Parameters
-    ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    cells_rc : (N, 2) int
-        Row and column of each node, row by row and from left to right.
-    pairwise : (K, K) float, optional
-        ``pairwise[a, b]``: log-potential of label ``a`` at the earlier node of two neighbours and
-        ``b`` at the later one. A node whose neighbours together forbid every label (-inf) keeps
-        its beliefs.
-    connectivity : {8, 4}
-        8: cells that share a side or a corner are neighbours; 4: a side only.
-    damping, tolerance, max_iterations, on_iteration
-        As in :func:`~pgm_places.solvers.mean_field.mean_field`.
-
-    Notes
-    -----
-    ``4 K`` bytes a node beside input and labels.
+    As :func:`~pgm_places.solvers.mean_field.mean_field`, for one table (K, K) on all edges: rows
+    are the label at the earlier node, columns at the later one. ``cells_rc`` (N, 2) are sorted row
+    by row, from left to right; neighbours share a side, with ``connectivity`` 8 also a corner. A
+    pass updates the even rows first, then the odd ones, each from left to right. Rows of equal
+    parity do not touch, so results are identical for any number of threads. ``4 K`` bytes a node
+    beside input and labels.
 
     Examples
     --------

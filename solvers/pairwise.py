@@ -77,8 +77,7 @@ class PairwiseModel:
     def max_terms(self) -> Terms:
         """The potentials for max-product messages, with truncated label distances in O(K).
 
-        Such tables are ``base - min(w |a - b|^p, cap)`` with p = 1 or 2: see
-        :func:`label_distances`.
+        Such tables are ``base - min(w |a - b|^p, cap)``, p = 1 or 2 (:func:`label_distances`).
         """
         if self.agreement is not None:
             return self.terms
@@ -89,9 +88,9 @@ class PairwiseModel:
     def unit(self) -> float:
         """Typical range of the potentials of a node or an edge: the unit of tolerances.
 
-        The smaller of two medians of non-zero ranges: of the finite values of nodes, and of edges.
-        Large negative numbers in place of -inf do not change it, even in a table that all edges
-        share. With tolerances in this unit, scaling a problem does not change its solution.
+        The smaller of two medians of non-zero ranges of finite values: of nodes, and of edges.
+        Scaling a problem does not change its solution, nor do large negative numbers in place of
+        -inf.
         """
         return min((float(np.median(some)) for some in self._ranges if len(some)), default=0.0)
 
@@ -132,26 +131,11 @@ def pairwise_model(
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
 ) -> PairwiseModel:
-    """A pairwise model from checked potentials; arrays are copied only if necessary.
+    """A pairwise model from checked log-potentials; arrays are copied only if necessary.
 
-    Tables that only reward agreement (one value off the diagonal) become ``agreement``, for which
-    every solver is faster.
-
-    Parameters
-    ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int or Adjacency
-        The graph.
-    agreement : (E, K) float, optional
-        Log-potential of agreeing on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels; excludes ``agreement``.
-
-    Raises
-    ------
-    InputError
-        A shape does not fit, a value is NaN or +inf, or every label of a node is forbidden.
+    Tables ``pairwise``, (K, K) or (E, K, K), that only reward agreement (one value off the
+    diagonal) become ``agreement`` (E, K), for which every solver is faster. InputError if a shape
+    does not fit, a value is NaN or +inf, or every label of a node is forbidden (-inf).
     """
     nodes = _read_only(finite_array("unary", unary, ("N", "K"), allow_minus_inf=True))
     n_nodes, n_labels = nodes.shape
@@ -181,12 +165,6 @@ def label_distances(
 
     The power p, then base, weight and cap of each table ``base - min(weight |a - b|^p, cap)``. None
     for other tables, for mixed powers, or for too few labels to be faster.
-
-    Examples
-    --------
-    >>> apart = np.abs(np.subtract.outer(np.arange(30.0), np.arange(30.0)))
-    >>> label_distances(1.0 - np.minimum(0.5 * apart, 2.0)[None]).tolist()
-    [1.0, 1.0, 0.5, 2.0]
     """
     n_tables, n_labels, _ = tables.shape
     if n_labels < min(_fewest.values()) or n_labels < 2 or not n_tables:

@@ -38,25 +38,16 @@ class PartitionBounds:
 def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> PartitionBounds:
     """Bounds of ``log sum_y exp(score(y))``, and approximate marginals.
 
-    The lower bound may be -inf where some pairs of labels are forbidden. Each of ``max_iterations``
-    steps of the search for the smallest upper bound is two passes over every forest.
-
-    Returns
-    -------
-    PartitionBounds
-        From below by mean field, from above by a convex combination of forests.
-
-    Notes
-    -----
-    M. Wainwright, T. Jaakkola, A. Willsky, "A new class of upper bounds on the log partition
-    function" (IEEE Transactions on Information Theory 2005).
+    From below by mean field (-inf where pairs of labels are forbidden), from above by a convex
+    combination of forests. A step of the search for the smallest upper bound is two passes over
+    every forest.
 
     Examples
     --------
     >>> square = [(0, 1), (1, 2), (2, 3), (0, 3)]
-    >>> found = bound_log_partition(pairwise_model(np.zeros((4, 2)), square, np.ones((4, 2))))
+    >>> bounds = bound_log_partition(pairwise_model(np.zeros((4, 2)), square, np.ones((4, 2))))
     >>> truth = np.log(2 * np.e**4 + 12 * np.e**2 + 2)
-    >>> bool(found.lower <= truth <= found.upper), float(round(found.upper - truth, 2))
+    >>> bool(bounds.lower <= truth <= bounds.upper), float(round(bounds.upper - truth, 2))
     (True, 0.34)
     """
     parts = edge_forests(model.around)
@@ -74,7 +65,7 @@ def tree_bound(
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     """The tree-reweighted upper bound of log Z, and its gradient: unaries (N, K), tables (E, K, K).
 
-    These are the forests' mean marginals, and the marginals of each edge's forest.
+    The gradient holds the forests' mean marginals, and the marginals of each edge's forest.
     """
     parts = edge_forests(model.around)
     bound, marginals = _smallest(model, parts or [np.arange(0)], max_iterations, pairs=True)

@@ -36,12 +36,6 @@ def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     """(8, L, L) ordered neighbour pairs: ``counts[d, l, m]`` cells ``l`` whose neighbour is ``m``.
 
     Cells (H, W) of negative label are unknown and form no pairs.
-
-    Examples
-    --------
-    >>> counts = grid_pair_counts([[0, 0, 1]], 2)
-    >>> counts[DIRECTIONS.index((0, 1))].tolist()
-    [[1, 1], [0, 0]]
     """
     raster = np.asarray(labels)
     integer_array("labels", raster, ("H", "W"), low=LOWEST, high=n_labels)
@@ -76,10 +70,9 @@ def yamamoto_coefficients(counts: ArrayLike, *, smoothing: float = 0.0) -> NDArr
         r = (1 - p(l) / p(l|m)) / (1 - p(l))    where p(l) < p(l|m)
         r = p(l|m) / p(l) - 1                   otherwise
 
-    0 is independence, 1 "always", -1 "never". A label that never occurs here or there, or that is
-    the only one, carries no information: its coefficients are 0. ``smoothing`` is added to every
-    pair of labels that both occur: without it two labels that never touched in training exclude
-    each other.
+    0 is independence, 1 "always", -1 "never"; also 0 for a label that never occurs here or there,
+    or is the only one. ``smoothing`` is added to every pair of labels that both occur: without it
+    two labels that never touched in training exclude each other.
 
     Examples
     --------
@@ -163,13 +156,7 @@ def starting_beliefs(
     """(N, K) probabilities from log-probabilities (N, K) up to a constant per row; -inf stays 0.
 
     Smaller positive probabilities are raised to ``floor`` before rows are normalised again: a
-    product update cannot bring back a label that starts at 0. Errors count nodes from
-    ``first_node``.
-
-    Examples
-    --------
-    >>> starting_beliefs(np.log([[3.0, 1.0]])).round(3).tolist()
-    [[0.75, 0.25]]
+    product update cannot change a belief of 0. Errors count nodes from ``first_node``.
     """
     array = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
     row = np.empty(array.size + LANES)
@@ -199,30 +186,12 @@ def relax_graph(
     Each iteration computes the support ``q_i(l) = sum_j c_ij sum_m r[l, m] p_j(m)`` (paper eq. 5)
     and multiplies every belief ``p_i(l)`` by ``1 + q_i(l)``, normalised (eq. 4).
 
-    Parameters
-    ----------
-    unary : (N, K) float
-        Log-probabilities at the start.
-    start, node : (N + 1,) and (A,) int
-        Adjacency in compressed rows: the neighbours of ``i`` are ``node[start[i]:start[i + 1]]``.
-    compatibility : (D, K, K) float
-        ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour.
-    weight : (A,) float, optional
-        ``c_ij`` of each entry of ``node``, summing to at most 1 at each node; default 1 / degree.
-    table : (A,) int, optional
-        Which of the D tables an entry uses; default the first.
-    floor, damping, max_iterations, tolerance
-        See :class:`pgm_places.models.relaxation.Relaxation`; 0 iterations leave the start.
-    on_iteration : callable, optional
-        See :data:`OnIteration`.
+    The neighbours of ``i`` are ``node[start[i]:start[i + 1]]``. For each entry of ``node`` (A,),
+    ``weight`` is ``c_ij`` (at most 1 in sum at each node; default 1 / degree) and ``table`` the
+    index in ``compatibility`` (D, K, K) of ``r[d, l, m]`` in [-1, 1], label ``l`` here and ``m`` at
+    the neighbour; default 0. Other options are those of
+    :class:`pgm_places.models.relaxation.Relaxation`.
 
-    Returns
-    -------
-    Relaxed
-        ``beliefs`` (N, K), and their changes per iteration.
-
-    Notes
-    -----
     A. Rosenfeld, R. Hummel, S. Zucker, "Scene labeling by relaxation operations" (IEEE Transactions
     on Systems, Man, and Cybernetics 1976).
     """
@@ -283,9 +252,9 @@ def repeat(
 ) -> Relaxed:
     """Iterate until no belief changes by more than the tolerance; the result with its history.
 
-    ``calls`` are the kernel calls of an odd and of an even iteration, to be shared by threads; the
-    second writes back to the first one's input. All write ``sums``. ``after(n)`` returns the
-    beliefs after ``n`` iterations; ``last`` replaces it for the final beliefs.
+    ``calls`` are the kernel calls of an odd and of an even iteration, shared by threads, which
+    write ``sums``. ``after(n)`` returns the beliefs after ``n`` iterations, ``last`` the final
+    ones.
     """
     n_nodes, n_labels = shape
     max_change: list[float] = []

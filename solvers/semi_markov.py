@@ -121,26 +121,17 @@ class SemiMarkovState:
 class SemiMarkovChain:
     """A chain whose labels are left at a rate that depends on their age.
 
-    Parameters
-    ----------
-    initial : (K,) float
-        Probability of each label at the first step, where every label has just been entered.
-    leaving : (K, K) float
-        Probability of each label (column) after each (row), given that the row is left; its
-        diagonal is 0.
-    edges_m : (B,) float
-        Ages in metres from which on each rate holds, the first of them 0; the last rate holds for
-        ever.
-    rates : (K, B) float
-        Rate per metre at which each label is left.
+    ``initial`` (K,) are probabilities at the first step, where every label has just been entered;
+    ``leaving`` (K, K) those of each label (column) after each (row), 0 on the diagonal. ``rates``
+    (K, B) per metre hold from the ages ``edges_m`` (B,) on, the first 0.
 
     Examples
     --------
     A doorway (1) is left within a metre; a room (0) takes some metres:
 
     >>> chain = SemiMarkovChain([0.5, 0.5], [[0, 1], [1, 0]], [0.0, 1.0], [[0.5, 0.5], [1.0, 9.0]])
-    >>> seen = np.log([[0.9, 0.1], [0.1, 0.9], [0.2, 0.8], [0.9, 0.1], [0.8, 0.2]])
-    >>> chain.viterbi(np.full(4, 0.5), seen).labels.tolist()
+    >>> observed = np.log([[0.9, 0.1], [0.1, 0.9], [0.2, 0.8], [0.9, 0.1], [0.8, 0.2]])
+    >>> chain.viterbi(np.full(4, 0.5), observed).labels.tolist()
     [0, 1, 1, 0, 0]
     """
 
@@ -164,24 +155,11 @@ class SemiMarkovChain:
         self._model = _Rates(*map(np.ascontiguousarray, (after, edges, by_age, sums)))
 
     def filtered(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
-        """Beliefs from the observations until each step.
+        """Beliefs (T, K) from the observations until each step.
 
-        Parameters
-        ----------
-        moved_m : (T - 1,) float
-            Distance driven from each step to the next.
-        log_likelihood : (T, K) float
-            ``log P(z_t | l)``; -inf forbids a label.
-
-        Returns
-        -------
-        ChainBeliefs
-            ``beliefs`` (T, K), the log-probability of all observations, and impossible steps.
-
-        Raises
-        ------
-        InputError
-            Shapes do not fit, a distance is negative, a likelihood is NaN or +inf.
+        ``moved_m`` (T - 1,) are distances from each step to the next, ``log_likelihood`` (T, K) is
+        ``log P(z_t | l)``; -inf forbids a label. InputError if shapes do not fit, a distance is
+        negative, or a likelihood NaN or +inf.
         """
         return self._explained(moved_m, log_likelihood, smooth=False)
 
@@ -216,8 +194,8 @@ class SemiMarkovChain:
     ) -> tuple[SemiMarkovState, bool]:
         """The state after one more step, and whether its observation was possible: online use.
 
-        ``state`` is that of the step before, None at the first; ``moved_m`` the distance driven
-        since. A label of belief 0, even after underflow, stays at 0 until it is entered again.
+        ``state`` is that of the step before, None at the first, ``moved_m`` the distance since. A
+        label of belief 0, even after underflow, stays at 0 until it is entered again.
         """
         rows = finite_array(
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True

@@ -24,16 +24,7 @@ from pgm_places.solvers.pairwise import PairwiseModel
 
 @dataclass(frozen=True, eq=False)
 class SetNodes:
-    """Auxiliary nodes and links that represent the sets of a graph.
-
-    Examples
-    --------
-    >>> sets = SetNodes(Cliques.of([[0, 1, 2, 3]], 4), 4, 3, 0.5)
-    >>> sets.n_whole, sets.n_whole_labels, len(sets.links)
-    (5, 4, 4)
-    >>> [sets.score(np.ones((1, 3)), np.array(y)) for y in ([0] * 4, [0, 0, 0, 1], [0, 0, 1, 2])]
-    [4.0, 2.0, 0.0]
-    """
+    """Auxiliary nodes and links that represent the sets of a graph."""
 
     cliques: Cliques
     """C sets with M members together."""
@@ -239,8 +230,8 @@ class SetTables(NamedTuple):
 def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
     """Rewards (C, K) as a sum over labels of a function of the number of nodes with the label.
 
-    With three labels or more and a dissent above 1/2 several labels of a set may earn a reward, of
-    which only the largest counts, which is not a sum over labels: InputError.
+    InputError with three labels or more and a dissent above 1/2: several labels of a set may then
+    earn a reward, of which only the largest counts.
     """
     k, dissent = sets.n_labels, sets.dissent
     if k > 2 and dissent > 0.5:

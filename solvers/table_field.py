@@ -217,8 +217,7 @@ def expected_labels(
 ) -> NDArray[np.float64]:
     """(N, K) probabilities of the labels of all nodes, each given its neighbours' ``before``.
 
-    One pass only: with strong links, iterating to convergence gives all unlabelled nodes the same
-    label.
+    One pass only: iterated with strong links, all unlabelled nodes converge to one label.
     """
     soft = soft_labels(field, labels, before)
     return soft_labels(field, labels, normalised(_scores(field, field.potentials(weights), soft)))

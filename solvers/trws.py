@@ -53,45 +53,26 @@ def trws(
 ) -> DualDecoding:
     """A labelling and an upper bound of the largest score, by message passing on chains.
 
-    The bound never rises from one iteration to the next. It is the value of the linear relaxation
-    or close to it, and equals the best score on forests and, with two labels, for associative
-    potentials. It holds up to rounding of 1e-12 times the sum of the potentials' magnitudes, and
-    is never below ``score``.
+    The bound never rises. It is the value of the linear relaxation or close to it, and equals the
+    best score on forests and, with two labels, for associative potentials. It holds up to rounding
+    of 1e-12 times the sum of the potentials' magnitudes, and is never below ``score``.
 
-    Parameters
-    ----------
-    model : PairwiseModel
-        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. Nodes are visited
-        in index order, for a grid row by row. Rewards of agreement may have any sign and cost O(K)
-        a message; tables O(K^2), or O(K) for truncated linear or truncated quadratic distances of
-        labels.
-    initial : (N,) int, optional
-        A labelling to improve on, for instance of a graph cut: it is returned if no better one is
-        found, and its score counts for the gap.
-    max_iterations : int
-        Passes up and down after which to stop.
-    tolerance : float
-        Stop when the gap between bound and score is at most this share of the problem's size
-        (:attr:`PairwiseModel.size <pgm_places.solvers.pairwise.PairwiseModel.size>`), or when the
-        bound fell by less than a tenth of that in the last ten iterations.
-    eliminate : bool
-        Rule out labels that cannot be best first
-        (:func:`~pgm_places.solvers.elimination.reduce_model`), which changes neither the best score
-        nor the bound's validity.
-    duals : bool
-        Keep the dual variables that give the bound.
-    on_iteration : callable, optional
-        Called after each iteration with its number and the bound.
+    Nodes are visited in index order. A message costs O(K) for rewards of agreement of any sign and
+    for truncated linear or quadratic distances of labels, O(K^2) for other tables. The labelling
+    ``initial`` (N,) is returned if no better one is found. Iterations end when the gap is at most
+    the share ``tolerance`` of the problem's size
+    (:attr:`PairwiseModel.size <pgm_places.solvers.pairwise.PairwiseModel.size>`), or when the bound
+    fell by less than a tenth of that in the last ten. ``eliminate`` applies
+    :func:`~pgm_places.solvers.elimination.reduce_model` first; ``duals`` returns the dual variables
+    of the bound; ``on_iteration`` gets each iteration's number and bound.
 
-    Notes
-    -----
     V. Kolmogorov, "Convergent tree-reweighted message passing for energy minimization" (PAMI 2006).
 
     Examples
     --------
     >>> from pgm_places.solvers.pairwise import pairwise_model
-    >>> found = trws(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]))
-    >>> found.labels.tolist(), found.score, found.bound
+    >>> dual = trws(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]))
+    >>> dual.labels.tolist(), dual.score, dual.bound
     ([0, 0], 1.5, 1.5)
     """
     check_iteration_limits(max_iterations, tolerance)
@@ -121,8 +102,7 @@ def trws(
 class RepeatedDecoding:
     """Labellings of large score for potentials on one graph that change little from call to call.
 
-    Messages are reused, so that a few passes are about as good as many from zero messages. Not
-    thread-safe.
+    Messages are reused: a few passes are about as good as many from zero. Not thread-safe.
     """
 
     def __init__(self) -> None:
