@@ -61,10 +61,7 @@ def learn(
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
-    """The weights found by the chosen learner.
-
-    The cutting plane can start from earlier weights.
-    """
+    """The weights of the chosen learner; the cutting plane can start from earlier weights."""
     if start is not None and options.learner != "cutting-plane":
         raise InputError(
             f"warm_start needs learner='cutting-plane', got {options.learner!r}; use that, or "
@@ -230,7 +227,7 @@ def choose_completed(
 def weighted(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
     """The problem with losses multiplied by weights (N,), scaled to the same mean loss.
 
-    Features of each connected part are multiplied by its weight, which multiplies its hinge.
+    Features of each connected part, and so its hinge, are multiplied by its mean weight.
     """
     after = task.loss * weight
     if not after.any():
@@ -242,10 +239,7 @@ def weighted(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginPr
 def weighed_terms(
     terms: Any, edges: NDArray[np.int32], weight: NDArray[np.float64]
 ) -> dict[str, Any]:
-    """Features of nodes, edges and sets times the weight of their connected part, by name.
-
-    ``terms`` is a learning problem or a field; a part's weight is the mean over its nodes (N,).
-    """
+    """Features of nodes, edges and sets by name, times their connected part's mean weight (N,)."""
     joins = edges if terms.sets is None else np.concatenate([edges, terms.sets.joins])
     share = part_means(terms.n_nodes, joins, weight)
     terms_of = {

@@ -90,17 +90,6 @@ def baum_welch(
     ``tables`` were counted on labelled steps. ``prior`` (K,), the share of each label, divides
     ``posterior`` observations, for which confusions are not learned. The initial distribution is
     uniform unless ``learns_start``. ``smoothing`` is added to every expected count.
-
-    Examples
-    --------
-    >>> seen = np.log([[0.9, 0.1], [0.8, 0.2], [0.2, 0.8], [0.1, 0.9]] * 5)
-    >>> labels = np.full(20, -1)
-    >>> labels[0] = 0
-    >>> even = ChainTables(np.full(2, 0.5), np.full((2, 2), 0.5), np.eye(2))
-    >>> chain = ChainToLearn(seen, labels, np.ones(19, bool))
-    >>> found = baum_welch([chain], even, np.full(2, 0.5), observation="posterior", smoothing=0.1)
-    >>> found.tables.transition.round(1).tolist()
-    [[0.5, 0.5], [0.4, 0.6]]
     """
     n_steps = max(sum(chain.weight * len(chain.labels) for chain in chains), 1.0)
     objectives: list[float] = []
@@ -130,7 +119,7 @@ def with_unlabelled(
     """Tables of a hidden Markov model learned with unlabelled steps, by the names of its fields.
 
     ``model`` has the tables counted on labelled steps; ``moved(graph)`` (T - 1,) is whether the
-    robot moved between steps. Expected counts have one weight per chain.
+    robot moved. Each chain has one weight.
     """
     if any(len(np.unique(part)) > 1 for part in weights):
         raise InputError(

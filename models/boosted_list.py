@@ -26,26 +26,15 @@ _DECISIONS = ("list", "argmax")
 class BoostedList:
     """A fitted decision list of boosted classifiers; needs neither scikit-learn nor training data.
 
-    Attributes
-    ----------
-    classes : (K,) array
-        The labels, ascending; columns of the histogram follow them.
-    order : (K,) int64
-        Indices into ``classes``: the positive class of each classifier, then the remaining class.
-    classifiers : tuple of K - 1 StrongClassifier or BoostedTrees
-        In the order of the list; all of stumps, or all of trees of one depth.
-    calibration : (K - 1, 2) float64
-        Slope and offset of each confidence C+ = expit(slope F + offset); (2, 0) is eq. 7.
-    n_features : int
-        Columns of the matrices to predict.
-    decision : {"list", "argmax"}
-        Predict the first class whose F is positive (section 3), or the largest bin of z.
-    clip : float
-        The smallest probability in the histogram, before it is normalised again; 0 for none.
-    in_list_order : bool
-        Whether bins are summed and arranged in columns in the order of the list, the last first, so
-        that rounding and ties do not depend on the numbering of the classes; else in the order of
-        ``classes``, as in lists stored by earlier versions.
+    ``classes`` (K,) are ascending labels; columns of the histogram follow them. ``order`` (K,) has
+    the index of each classifier's positive class, then of the remaining class; ``classifiers`` (K -
+    1) are all of stumps, or all of trees of one depth. ``calibration`` (K - 1, 2) holds slope and
+    offset of each confidence C+ = expit(slope F + offset); (2, 0) is eq. 7. ``decision`` predicts
+    the first class whose F is positive (``list``, section 3) or the largest bin of z (``argmax``).
+    Bins are at least ``clip``, 0 for none, before z is normalised again. With ``in_list_order``
+    bins are summed in the order of the list, the last first, so that rounding and ties do not
+    depend on the numbering of classes; else in the order of ``classes``, as in lists stored by
+    earlier versions.
     """
 
     classes: NDArray[Any]
@@ -156,9 +145,8 @@ class BoostedList:
     def part(self, columns: ArrayLike) -> Self:
         """The stumps on these columns, for matrices with only these columns, in this order.
 
-        F is a sum over stumps: the :meth:`scores` of parts with disjoint columns that cover all
-        columns sum to the scores of the list, up to rounding. Trees use several columns together:
-        InputError.
+        F is a sum over stumps: :meth:`scores` of parts with disjoint columns sum to the list's, up
+        to rounding. Trees use several columns together: InputError.
         """
         chosen = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         if isinstance(self.classifiers[0], BoostedTrees):
@@ -171,18 +159,12 @@ class BoostedList:
         return replace(self, classifiers=own).restricted(chosen)
 
     def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
-        """The distinct columns in the order boosting chose them, at most ``limit``.
-
-        Every classifier's first round comes before every classifier's second round, and so on.
-        """
+        """The distinct columns in the order of choice, round by round, at most ``limit``."""
         distinct = {split.column: None for split in self._splits()}
         return np.array(list(distinct)[:limit], np.int64)
 
     def weak_outputs(self, X: NDArray[np.float32], limit: int | None = None) -> NDArray[np.int8]:
-        """(N, S) outputs +1 or -1 of the stumps, or splits, with distinct (feature, threshold).
-
-        In the order of choice, as in :meth:`features_in_order_of_choice`.
-        """
+        """(N, S) outputs +1 or -1 of the distinct stumps, or splits, in the order of choice."""
         distinct: dict[tuple[int, float], TreeSplit] = {}
         for split in self._splits():
             distinct.setdefault((split.column, split.threshold), split)
@@ -304,10 +286,9 @@ _SLOPE = 2.0  # the slope of equation 7, so that F has the same meaning as in a 
 def list_average(lists: Sequence[BoostedList]) -> BoostedList:
     """A list whose log-odds are the mean log-odds of several lists of trees.
 
-    F is a sum over trees, so the mean of L classifiers is again a sum: it has all trees, with
-    leaves scaled by 1 / L and by each list's calibration (Breiman, Bagging predictors, Machine
-    Learning 24, 1996; here the lists differ in their training maps). The lists need trees of one
-    depth, equal columns, and equal classes in equal order.
+    It has all trees, with leaves scaled by 1 / L for L lists and by each list's calibration
+    (Breiman, Bagging predictors, Machine Learning 24, 1996; here the lists differ in their training
+    maps). The lists need trees of one depth, equal columns, and equal classes in equal order.
     """
     first, *others = lists
     if not others:

@@ -39,15 +39,13 @@ def boost(
     Generalised AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight; each
     round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
     neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)), multiplied by
-    ``shrinkage``. Stumps whose ``|r|`` differ by less than 2**-40 count as equal: the lowest column
-    wins, then the lowest threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no
-    error.
+    ``shrinkage``. Of stumps whose ``|r|`` differ by less than 2**-40 the lowest column wins, then
+    the lowest threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no error.
 
-    ``positive`` and ``negative`` are the parts that make up each class; both need an example.
-    ``sample_weight`` (rows of X,) multiplies the initial weights. ``margin`` (rows of X,) is F of
-    earlier rounds, which boosting continues (:func:`initial_weights`): ``|r|`` is then at most 1 -
-    1/n for n examples, and a stump without error does not end boosting. ``on_round`` is called with
-    the number of rounds so far and r.
+    ``positive`` and ``negative`` are the parts of each class. ``sample_weight`` (rows of X,)
+    multiplies the initial weights. ``margin`` (rows of X,) is F of earlier rounds
+    (:func:`initial_weights`): ``|r|`` is then at most 1 - 1/n for n examples, and a stump without
+    error does not end boosting. ``on_round`` gets the number of rounds so far and r.
     """
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
@@ -83,9 +81,8 @@ def initial_weights(
 ) -> NDArray[np.float64]:
     """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out.
 
-    With a ``margin`` F of earlier rounds, the weights are proportional to ``sample_weight / (1 +
-    exp(2 y F))`` without balancing the classes: the slope of the logistic loss, which bounds the
-    weight of examples with a confident but wrong F.
+    With a ``margin`` F of earlier rounds, ``sample_weight / (1 + exp(2 y F))``, the slope of the
+    logistic loss, without balancing: examples with a confident but wrong F have bounded weight.
     """
     weights = np.zeros(len(prepared.rows))
     weight = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
@@ -127,14 +124,14 @@ def boost_trees(
 
     Both classes start with half of the weight; each round grows the regression tree f of least
     weighted squared error sum w (y - f)^2, whose leaves are E_w[y] in [-1, 1], adds shrinkage times
-    f to F, and multiplies the weights by exp(-y shrinkage f). Weights are rounded to whole
-    multiples of 2**-30 of their sum before they are added up. It stops early when the weighted
-    correlation of y and f is below ``tolerance``.
+    f to F, and multiplies the weights by exp(-y shrinkage f). Weights are rounded to multiples of
+    2**-30 of their sum. It stops early when the weighted correlation of y and f is below
+    ``tolerance``.
 
     Trees have ``max_depth`` levels of splits, 2 to 4. Each searches a ``feature_share`` of the
     columns, redrawn from ``seed`` (stochastic gradient boosting, Friedman 2002, of columns instead
-    of rows); no split leaves a side with less than ``least_weight`` of all weight. Other arguments
-    are those of :func:`boost`.
+    of rows); no split leaves a side with less than ``least_weight``. Other arguments are those of
+    :func:`boost`.
     """
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
@@ -218,20 +215,10 @@ class TeachingExamples:
 
 @dataclass(frozen=True)
 class FurtherRounds:
-    """Options of the further rounds.
+    """Options of further rounds: stumps, or trees of ``max_depth`` for lists of trees.
 
-    Parameters
-    ----------
-    n_rounds : int
-        Additional stumps or trees of each classifier of the list.
-    max_depth : int
-        Levels of these trees; lists of stumps get stumps.
-    shrinkage : float
-        Factor of every further vote.
-    feature_share : float
-        Share of the columns, drawn at random, that each tree searches.
-    seed : int
-        Seed of these draws.
+    ``shrinkage`` is the factor of every further vote, ``feature_share`` the share of the columns,
+    drawn from ``seed``, that each tree searches.
     """
 
     n_rounds: Annotated[int, Ge(0), Le(10_000)] = 30
@@ -247,13 +234,12 @@ ROUNDS = FurtherRounds()
 def boosted_further(
     fitted: BoostedList, examples: TeachingExamples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
-    """The list with further rounds boosted on new examples.
+    """The list with further rounds boosted on new examples; its earlier rounds do not change.
 
-    Its earlier rounds do not change. Boosting starts from their sum, with weights proportional to
-    ``w / (1 + exp(2 y F))``, where F is half of the calibrated log-odds. Further votes are divided
-    by half of the calibration's slope, so that confidences are calibrated for the sum. A classifier
-    with examples of one side only does not change. Compare scikit-learn's ``warm_start`` and
-    LightGBM's ``init_model``.
+    Boosting starts with weights proportional to ``w / (1 + exp(2 y F))``, where F is half of the
+    calibrated log-odds. Further votes are divided by half of the calibration's slope, so that
+    confidences are calibrated for the sum. A classifier with examples of one side does not change.
+    Compare scikit-learn's ``warm_start`` and LightGBM's ``init_model``.
     """
     scores = fitted.scores(examples.X)
     prepared = prepare(examples.X, examples.labels)
@@ -274,10 +260,9 @@ def boosted_further(
 def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> TeachingExamples:
     """Examples (n K) with the list's own predictions: every class, weighted by its probability.
 
-    They regularise a list towards its predictions. At its own probabilities p the weights of both
-    sides of a classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``:
-    boosting learns nothing from them until other examples change the list. ``weight`` is that of
-    all rows.
+    They regularise a list towards its predictions: at its probabilities p the weights of both sides
+    of a classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``.
+    ``weight`` is that of all rows.
     """
     p = np.exp(fitted.log_histogram(X))
     n, k = p.shape
@@ -293,7 +278,7 @@ def with_first_class(
 ) -> BoostedList:
     """The list with a new class in first place; the other classifiers do not change.
 
-    The ``label`` must be larger than all others; the examples have the next index for it.
+    ``label`` is larger than all others; the examples have the next index for it.
     """
     number = len(fitted.classes)
     if not (label > fitted.classes).all():

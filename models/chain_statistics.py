@@ -25,18 +25,11 @@ accurate to the last digits."""
 def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np.float64], float]:
     """The transitions (K, K) over ``exponent`` > 0 steps, and the largest change of the table.
 
-    ``P^e = exp(e Q)`` with the generator ``Q = log P``, whose rates must not be negative. Not every
-    table is embeddable in a process in continuous time. Negative rates of ``Q`` are set to 0 and
-    its rows made to sum to 0 (Israel, Rosenthal and Wei, "Finding generators for Markov chains via
-    empirical transition matrices", Mathematical Finance 11, 2001); the second result is then the
-    largest difference of any probability between ``P`` and ``exp(Q)``. Integer powers are exact,
-    with a second result of 0. A table without a real logarithm is an InputError.
-
-    Examples
-    --------
-    >>> half, changed = transition_power([[0.9, 0.1], [0.2, 0.8]], 0.5)
-    >>> (half @ half).round(6).tolist(), changed < 1e-9
-    ([[0.9, 0.1], [0.2, 0.8]], True)
+    ``P^e = exp(e Q)`` with the generator ``Q = log P``. If the table is not embeddable in a process
+    in continuous time, negative rates of ``Q`` are set to 0 and its rows made to sum to 0 (Israel,
+    Rosenthal and Wei, "Finding generators for Markov chains via empirical transition matrices",
+    Mathematical Finance 11, 2001); the change is the largest difference of ``P`` and ``exp(Q)``.
+    Integer powers are exact, with change 0. InputError for a table without a real logarithm.
     """
     table = finite_array("transition", transition, ("K", "K"))
     if table.min(initial=0.0) < 0 or abs(table.sum(axis=-1) - 1.0).max(initial=0.0) > 1e-6:
@@ -56,8 +49,8 @@ def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np
 def transition_powers(transition: ArrayLike, exponents: NDArray[np.float64]) -> NDArray[np.float64]:
     """(A, K, K) the transitions over steps of several lengths: :func:`transition_power` of each.
 
-    Exponents (A,) are at least 0. They share one generator, so that a table that is not embeddable
-    is also changed for integer exponents.
+    Exponents (A,) are at least 0 and share one generator: a table that is not embeddable is also
+    changed for integer exponents.
     """
     from scipy.linalg import expm
 
@@ -125,10 +118,9 @@ def learned_tables(
 ) -> dict[str, Any]:
     """Tables of a hidden Markov model from counts over all chains, by name.
 
-    ``moved(graph)`` (T - 1,) is whether the robot moved between steps; ``method`` is named in
-    errors; ``smoothing`` is added to every count. ``weights`` are (T,) for each chain; a move has
-    the smaller weight of its two steps. ``lengths`` (T - 1,) are those of chains with known step
-    lengths.
+    ``moved(graph)`` (T - 1,) is whether the robot moved; ``method`` is named in errors. A move has
+    the smaller of its steps' ``weights`` (T,). ``lengths`` (T - 1,) are those of chains that have
+    them.
     """
     pairs = labelled_problems(problems, labelings)
     n_labels = pairs[0][0].n_labels
@@ -179,7 +171,7 @@ def counted_tables(
 ) -> dict[str, Any]:
     """The tables of a hidden Markov model by name, for the counts that are passed.
 
-    ``begun``: whether the model has an initial distribution; otherwise it is uniform.
+    The initial distribution is uniform without ``begun``.
     """
     counted: dict[str, NDArray[np.float64]] = {}
     n_labels: int | str = "K"

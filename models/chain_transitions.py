@@ -46,18 +46,11 @@ class StepFilter(ABC):
     ) -> tuple[NDArray[np.float64], Any, bool]:
         """The belief (K,) after one more observation, the next state, and whether it was possible.
 
-        Parameters
-        ----------
-        unary : (K,) float
-            Log-probabilities of the labels from the classifier; -inf forbids a label, NaN for all
-            labels means no observation.
-        state : optional
-            State after the step before, None at the first step: the belief (K,) in a hidden Markov
-            model.
-        moved_m : float, optional
-            Distance from the step before, for ``stay_below_m``; None counts as moved.
-        further : (K,) float, optional
-            Log-likelihoods of other observations.
+        ``unary`` (K,) are the classifier's log-probabilities: -inf forbids a label, NaN for all
+        labels means no observation. ``state`` is that of the step before, None at the first: the
+        belief (K,) in a hidden Markov model. ``moved_m`` is the distance from the step before, for
+        ``stay_below_m``; None counts as moved. ``further`` (K,) are log-likelihoods of other
+        observations.
         """
         row = number_array("unary", unary)
         if row.ndim != 1 or not row.size or not np.isnan(row).all():
@@ -156,9 +149,8 @@ class ChainTransitions(StepFilter):
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
         """A model for updates every ``to_m``, not ``from_m`` metres; its table's largest change.
 
-        See :func:`pgm_places.models.chain_statistics.transition_at` and
-        :func:`pgm_places.models.evidence_weight.weights_at`. With transitions by step length, only
-        weights change.
+        See :func:`pgm_places.models.chain_statistics.transition_at`,
+        :func:`pgm_places.models.evidence_weight.weights_at`. By step length only weights change.
         """
         if not (from_m > 0 and to_m > 0):
             raise InputError(

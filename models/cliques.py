@@ -42,14 +42,7 @@ if TYPE_CHECKING:
 def clique_score(
     cliques: Cliques, labels: ArrayLike, n_labels: int, *, weight: ArrayLike, dissent: float
 ) -> float:
-    """Total reward of the sets for a labelling (N,).
-
-    Examples
-    --------
-    >>> one = Cliques.of([[0, 1, 2, 3]], 4)
-    >>> [clique_score(one, y, 2, weight=1.0, dissent=0.5) for y in ([0] * 4, [0, 0, 0, 1])]
-    [4.0, 2.0]
-    """
+    """Total reward of the sets for a labelling (N,)."""
     chosen = integer_array("labels", labels, ("N",), low=0, high=n_labels)
     sets = SetNodes(cliques, len(chosen), n_labels, dissent)
     return sets.score(_rewards(sets, weight), chosen)
@@ -177,11 +170,7 @@ def decode_cliques_as(
     inference: Decoder,
     weight: ArrayLike,
 ) -> Labeling:
-    """Decode a problem with its cliques, if any, by a method's options.
-
-    Options are ``certify``, ``max_iterations``, ``clique_dissent`` and ``damping`` (without cliques
-    only).
-    """
+    """Decode a problem with its cliques, if any, by the options of a method."""
     how: dict[str, Any] = {"certify": method.certify, "max_iterations": method.max_iterations}
 
     def decoded(reordered: Potentials, order: NDArray[np.int64]) -> Labeling:

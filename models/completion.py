@@ -74,28 +74,8 @@ def concave_convex(
 
     ``problem`` has an initial completion, or ``starts`` are some, of which the one of least f after
     one round is continued; its loss is 0 at nodes of unknown label. ``solve`` maps a problem and
-    cuts that are valid for it to a solution, ``complete`` weights and the current labels to the
-    best completion that it can find.
-
-    Examples
-    --------
-    >>> from pgm_places.solvers.cutting_plane import cutting_plane
-    >>> from pgm_places.solvers.max_margin import MaxMarginProblem
-    >>> from pgm_places.solvers.max_oracle import graph_cut_oracle
-    >>> edges = np.array([[0, 1], [1, 2], [2, 3]], np.int32)
-    >>> looks = np.array([[1.0], [0.1], [-0.1], [-1.0]])
-    >>> begin, loss = np.array([0, 1, 0, 1]), np.array([1.0, 0.0, 0.0, 1.0])
-    >>> problem = MaxMarginProblem(looks, edges, np.ones((3, 1)), begin, 2, loss, 10.0)
-    >>> best = graph_cut_oracle(4, edges)
-    >>> def complete(weights, labels):
-    ...     unary, agreement = problem.potentials(weights)
-    ...     unary[[0, 3], [1, 0]] = -np.inf
-    ...     return best(unary, agreement)
-    >>> found = concave_convex(
-    ...     problem, lambda now, cuts: cutting_plane(now, best, cuts=cuts, exact=True), complete
-    ... )
-    >>> found.labels.tolist(), found.solution.status
-    ([0, 0, 1, 1], 'local_optimum')
+    cuts that are valid for it to a solution, ``complete`` weights and the current labels to a
+    completion of large score.
     """
     objectives: list[float] = []
     cuts: tuple[Cut, ...] = ()
@@ -231,11 +211,11 @@ def learn_completed(
 ) -> Completed:
     """Max-margin weights with some unknown labels, which are -1 in ``truth`` (N,).
 
-    The concave-convex procedure completes the labels, from the initial completion in ``starts``
-    with the least objective after one round. In a last step nodes of known label have weight 1, all
-    others :data:`HIDDEN_LOSS`. ``solve`` learns in the rounds, ``last`` in that step; ``best``
-    returns a labelling of large score. The problem's labels and loss are ignored; its penalty C
-    refers to the mean loss of labelled nodes.
+    The concave-convex procedure completes the labels, from the completion in ``starts`` with the
+    least objective after one round, with the learner ``solve`` and the decoder ``best``. The
+    learner ``last`` then gives nodes of unknown label the weight :data:`HIDDEN_LOSS`, all others 1.
+    The problem's labels and loss are ignored; its penalty C refers to the mean loss of labelled
+    nodes.
     """
     known = truth >= 0
     observed = np.zeros(len(truth), np.bool_) if problem.observed is None else problem.observed >= 0
@@ -320,9 +300,9 @@ def best_of_hidden(
 ) -> tuple[float, NDArray[np.float64]]:
     """The candidate that labels hidden nodes best, and (P, 2) candidates and balanced accuracies.
 
-    Labels of one of the ``parts`` (N,) are hidden together, their nodes stay in the graph;
-    ``labels_with`` maps the remaining labels (N,) to all nodes' labels, for each candidate. Among
-    equals the smallest wins. If no label can be hidden, the first one is returned.
+    Labels of one of the ``parts`` (N,) are hidden together; ``labels_with`` maps the remaining
+    labels (N,) to all nodes' labels, for each candidate. Among equals the smallest wins; the first
+    one if no label can be hidden.
     """
     everywhere: list[NDArray[np.int64]] = []
     answers: list[list[NDArray[np.int64]]] = [[] for _ in candidates]

@@ -97,7 +97,7 @@ def learners_to_compare(learner: str, task: LearningTask) -> tuple[tuple[str, ..
     """Learners that ``auto`` compares, and the reason: the likelihood alone where it is exact.
 
     Elsewhere max margin and the pseudo-likelihood, which learns well where the margin's relaxation
-    is loose; with sets of nodes, whose sums are intractable, or unknown labels max margin alone.
+    is loose; max margin alone with sets of nodes, whose sums are intractable, or unknown labels.
     """
     if learner != "auto":
         return (learner,), REASONS[0]
@@ -254,11 +254,11 @@ def choose_link_scale(
 ) -> tuple[float, NDArray[np.float64]]:
     """The share of learned weights against a node classifier; (S, 2) all shares and accuracies.
 
-    Pseudo-likelihood learns links given the true labels of neighbours, so that links dominate node
-    scores; a decoder, which has to infer the neighbours' labels, then gives all nodes one label.
-    Given the expected labels of unlabelled neighbours, which are close to uniform, surrogates also
-    learn too strong links. The share is chosen on held-out labels, or hidden ones if some labels
-    are unknown; if all are known, the weights must also label the training nodes well.
+    Pseudo-likelihood learns links from the true labels of neighbours; in decoding, which infers
+    them, such links dominate and all nodes get one label. Nearly uniform expected labels of
+    unlabelled neighbours also make links too strong. The share is chosen on held-out labels, or
+    hidden ones if some labels are unknown; if all are known, the weights must also label the
+    training nodes well.
     """
     quick = replace(options, tolerance=SEARCH_TOLERANCE)
 

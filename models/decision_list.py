@@ -296,10 +296,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return fitted.weak_outputs(float32_matrix(self, X), limit)
 
     def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
-        """The distinct columns in the order boosting chose them, at most ``limit``.
-
-        Every classifier's first round comes before every classifier's second round, and so on.
-        """
+        """The distinct columns in the order of choice, round by round, at most ``limit``."""
         return self._fitted().features_in_order_of_choice(limit)
 
     def restricted(self, columns: ArrayLike) -> "DecisionListClassifier":

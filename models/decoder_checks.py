@@ -44,15 +44,8 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
     The problems have graphs with and without cycles, some frustrated so that relaxations are not
     tight; rewards of agreement and tables; many ties; forbidden labels and pairs of labels; known
     labels; potentials of about 1, 1e-12 and 1e12; and edge potentials a million or a trillion times
-    larger or smaller than node potentials. Use it as the first test of a new decoder.
-
-    Parameters
-    ----------
-    name : str
-        Built in, registered or installed.
-    n_problems : int
-    seed : int
-        Of the problems.
+    larger or smaller than node potentials. Use it as the first test of a new decoder: built in,
+    registered or installed.
 
     Raises
     ------

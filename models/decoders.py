@@ -103,17 +103,7 @@ class DecodingAnswer:
 
 @dataclass(frozen=True)
 class NamedDecoder:
-    """A decoder and its capabilities.
-
-    Parameters
-    ----------
-    run : callable
-        The decoder.
-    gives_beliefs : bool
-        Whether its answers have beliefs.
-    labels_maps : bool
-        Whether it supports graphs of many cycles, such as the cells of a map.
-    """
+    """A decoder, whether it gives beliefs, and whether it supports graphs of many cycles."""
 
     run: Callable[[DecodingTask], DecodingAnswer]
     gives_beliefs: bool = False

@@ -112,14 +112,7 @@ def log_partitions(
     potentials: Sequence[Potentials],
     method: PartitionMethod = "auto",
 ) -> list[ValueAndGradient]:
-    """:func:`log_partition` of many graphs; those without cycles in one pass.
-
-    Parameters
-    ----------
-    graphs, potentials : sequences of equal length
-        A graph and its potentials for each problem; numbers of nodes may differ.
-    method : {"auto", "exact", "trees", "mean-field"}
-        As of :func:`log_partition`.
+    """:func:`log_partition` of many graphs with their potentials; those without cycles in one pass.
 
     Raises
     ------
@@ -248,11 +241,6 @@ def _maximiser(graph: LabelGraph, potentials: Potentials) -> str:
 def entropy(graph: LabelGraph, potentials: Potentials) -> float:
     """Entropy in nats of the distribution ``p ~ exp(score)``: ``log Z - E[score]``.
 
-    Parameters
-    ----------
-    graph, potentials
-        As of :func:`log_partition`.
-
     Raises
     ------
     InputError
@@ -273,12 +261,6 @@ def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> f
 
     ``E_p[score_p - score_q] - log Z_p + log Z_q``; infinite where the second potentials forbid a
     labelling that the first allow.
-
-    Parameters
-    ----------
-    graph : LabelGraph
-    first, second : Potentials
-        Of ``p ~ exp(score_p)`` and ``q ~ exp(score_q)``, on the same graph.
 
     Raises
     ------

@@ -38,10 +38,7 @@ def divided_share(evidence: str | float) -> float:
 def without_prior(
     problem: LabelingProblem, unary: NDArray[Real], prior: NDArray[np.float64], share: float
 ) -> NDArray[Real]:
-    """(N, K) a problem's unary less ``share`` of the log-prior; rows without an observation stay.
-
-    ``prior`` (K,) holds the shares of the labels.
-    """
+    """(N, K) a problem's unary less ``share`` of the log-``prior`` (K,); unobserved rows stay."""
     divided: NDArray[Real] = unary - (share * np.log(prior)).astype(unary.dtype)
     if problem.unseen is not None:
         divided[problem.unseen] = unary[problem.unseen]
@@ -69,9 +66,8 @@ def log_likelihood(
 
     ``unary`` (T, K) are the classifier's log-probabilities, ``confusion`` (K, K) the probability of
     its best label (column) at each true one (row), ``prior`` (K,) the share of each label,
-    ``weight`` the exponent of the likelihood. Allowed labels have equal likelihoods if the
-    classifier's confusions exclude them all, or if there is no observation: all labels are
-    forbidden, or the allowed ones NaN.
+    ``weight`` the exponent. Allowed labels have equal likelihoods if the confusions exclude them
+    all, or without an observation: all labels forbidden, or the allowed ones NaN.
     """
     missing = np.isnan(unary)
     unary = np.where(missing, 0.0, unary)
@@ -137,9 +133,8 @@ def best_weights(
     least exponent win. An exponent above the least one must not reduce accuracy. Pairs below
     ``least_accuracy`` are chosen only if all are below, and then by accuracy.
 
-    ``labels_at(weight, exponent, problem)`` infers labels (N,) in the mode of their use; unaries
-    should be held-out. ``is_enough`` tests the labels of all known steps; None if no pair's are
-    good enough.
+    ``labels_at(weight, exponent, problem)`` infers labels (N,) from unaries that should be
+    held-out. ``is_enough`` tests the labels of all known steps; None if no pair passes.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
@@ -175,14 +170,13 @@ def fitted_by_mode(
 ) -> dict[str, Any]:
     """The best observation model, weight and exponent of each mode, by name; None if not fitted.
 
-    ``models`` are hidden Markov models with equal options, one for each sequence, preferably with
-    tables counted on other sequences. Choices less accurate than independent steps are avoided if
-    there are others. Viterbi's sequence does not depend on the exponent. For other arguments see
-    :func:`best_weights`.
+    ``models`` are hidden Markov models with equal options, one for each sequence, preferably
+    counted on other sequences. Choices less accurate than independent steps are avoided if there
+    are others. For other arguments see :func:`best_weights`.
 
     If observation model, weight and shrinkage are all to be fitted, a mode must be significantly
     more accurate than independent steps (:func:`pgm_places.evaluation.bootstrap.is_ahead`), or no
-    less accurate in any stretch; else it uses independent steps: shrinkage 1, ``posterior``
+    less accurate in any stretch; else steps are independent: shrinkage 1, ``posterior``
     observations of weight 1.
     """
     model, of_problem = models[0], dict(zip(map(id, problems), models, strict=True))
@@ -310,6 +304,7 @@ def weights_at(
 ) -> NDArray[np.float64] | None:
     """Fitted weights for updates farther apart: they grow with the distance, up to 1.
 
-    Fewer observations then have the same weight per metre. For nearer updates weights stay.
+    Fewer observations then have the same weight per metre. Weights do not change for nearer
+    updates.
     """
     return None if weights is None else np.minimum(weights * max(to_m / from_m, 1.0), 1.0)

@@ -38,34 +38,21 @@ def decode_factors(
     ``exact`` works on factors of any order directly. All other decoders get a pairwise model
     (:meth:`~pgm_places.inference.factor_graph.FactorGraph.pairwise`): factors of order 3 and more
     become auxiliary nodes, which ``lp``, ``trw-s``, ``max-product``, ``sum-product`` and registered
-    decoders support if each factor allows at most 256 labellings.
-
-    Parameters
-    ----------
-    graph : FactorGraph
-        N nodes.
-    method : str
-        The name of a decoder.
-    known : (N,) int, optional
-        Label of the nodes whose label is known, -1 elsewhere.
-    certify, max_iterations
-        As of :func:`~pgm_places.models.decoding.decode`.
+    decoders support if each factor allows at most 256 labellings. ``known`` (N,) is -1 at nodes of
+    unknown label; other parameters and errors are those of
+    :func:`~pgm_places.models.decoding.decode`.
 
     Raises
     ------
-    ConfigError
-        The decoder is unknown.
     InputError
         The decoder does not support these factors; the message names decoders that do.
-    InfeasibleError
-        It is proved that no labelling is allowed.
 
     Examples
     --------
     >>> even = np.where(np.indices((2, 2, 2)).sum(axis=0) % 2 == 0, 0.0, -np.inf)
     >>> graph = FactorGraph.of([2, 2, 2], [(0, 1, 2), (0,), (1,)], [even, [0.0, 1.0], [0.3, 0.0]])
-    >>> found = decode_factors(graph)
-    >>> found.labels.tolist(), found.score, found.status
+    >>> labeling = decode_factors(graph)
+    >>> labeling.labels.tolist(), labeling.score, labeling.status
     ([1, 0, 1], 1.3, <Status.EXACT: 'exact'>)
     """
     require_type("graph", graph, FactorGraph)

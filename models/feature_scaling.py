@@ -41,13 +41,11 @@ class Standardization:
         """The standardisation for (N, D) training features.
 
         ``deviation`` subtracts the mean and divides by the standard deviation; sparse columns are
-        only divided, to stay sparse. ``auto`` does so with two exceptions: indicators (dense
-        columns of zeros and ones) stay unchanged, and sparse columns are divided by their size
-        (:func:`column_sizes`), since division by the tiny deviation of rare columns would give them
-        the weight of frequent ones. ``none`` leaves all columns unchanged. A column is dropped if
-        it is constant or equal to an earlier one up to shift, scale and sign, because a linear
-        model gains nothing from it and its weights would not be unique. Repeated sparse columns
-        stay.
+        only divided. ``auto`` leaves indicators (dense columns of zeros and ones) unchanged, and
+        divides sparse columns by their size (:func:`column_sizes`), since the tiny deviation of
+        rare columns would give them the weight of frequent ones. ``none`` leaves all columns
+        unchanged. Constant columns are dropped, and dense ones equal to an earlier one up to shift,
+        scale and sign: their weights would not be unique.
         """
         mean, spread = mean_and_spread(features)
         columns = _informative(features, mean, spread)
@@ -112,11 +110,6 @@ def column_sizes(features: NDArray[np.float64]) -> NDArray[np.float64]:
     """(D,) root mean square of the non-zero entries of each column; 1 without any.
 
     Division by it removes the unit, and leaves zeros and indicators unchanged.
-
-    Examples
-    --------
-    >>> column_sizes(np.array([[0.0, 1.0, 30.0], [0.0, 0.0, 40.0]])).round(2).tolist()
-    [1.0, 1.0, 35.36]
     """
     if not features.shape[0]:
         return np.ones(features.shape[1])

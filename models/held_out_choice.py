@@ -74,14 +74,13 @@ def choose(
     weights of the last, until the score falls by :data:`WORTH`; then C falls from the start as long
     as the smallest is best. Other learners are compared at the best C, richer features at the best
     C and one below. The choice is at most :data:`TOLERANCE` less accurate than the labels of nodes
-    ``alone``. A C above the usual one must be more accurate by :data:`WORTH`: it gains rare labels
-    at the cost of frequent ones, a gain that is less reliable on new maps.
+    ``alone``. A C above the usual one must be more accurate by :data:`WORTH`: gains of rare labels
+    at the cost of frequent ones are less reliable on new maps.
 
     ``labels`` (N,) are -1 where unknown, ``parts`` (N,) -1 where never held out; nodes ``asked``
     (N,) count. ``kinds`` are node features, simpler ones first, and learners; ``begin`` starts a
-    path without the nodes of a mask (N,). Both scores are means of the scores of ``steps`` (N,)
-    linked to cells and of other nodes: the few steps of a drive weigh as much as the many cells of
-    its map.
+    path without the nodes of a mask (N,). Both scores are means over ``steps`` (N,) linked to cells
+    and other nodes: the few steps of a drive weigh as much as the many cells of its map.
     """
     held_out = [
         parts == part

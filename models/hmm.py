@@ -274,9 +274,6 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         first : (K,) float, optional
             Counts of the first label of a trajectory; uniform by default.
 
-        ``smoothing`` is added to every count except ``stays``, so that label changes of a standing
-        robot stay impossible.
-
         Examples
         --------
         >>> model = HiddenMarkovModel(smoothing=0.0)

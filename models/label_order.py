@@ -58,10 +58,7 @@ def decoded_by_preference(
     names: Sequence[str],
     decoded: Callable[[Potentials, NDArray[np.int64]], Labeling],
 ) -> Labeling:
-    """Decode with labels in the order of :func:`preference_order`.
-
-    ``decoded`` is called with the potentials in that order, and the order (K,).
-    """
+    """Decode by ``decoded(potentials, order)`` in :func:`preference_order` (K,)."""
     order = preference_order(potentials.unary, names)
     if (order == np.arange(len(order))).all():
         return decoded(potentials, order)

@@ -150,9 +150,6 @@ def linked_steps(graph: LabelGraph) -> NDArray[np.bool_]:
 
 
 def searched_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
-    """(N,) :func:`held_out_parts`, the second half of them -1 (never held out) with many problems.
-
-    Half of :data:`MANY` problems or more is enough to compare a few options.
-    """
+    """(N,) :func:`held_out_parts`; of :data:`MANY` or more problems only half are held out."""
     parts = held_out_parts(examples, n_parts)
     return np.where(parts < max(n_parts // 2, 1), parts, -1) if len(examples) >= MANY else parts

@@ -16,10 +16,7 @@ from pgm_places.solvers.set_terms import SetTerms
 
 
 class TermSizes(NamedTuple):
-    """Divisors of edge and clique features during learning.
-
-    Learned weights are divided by them afterwards, to apply to unscaled features.
-    """
+    """Divisors of edge and clique features in learning, and afterwards of learned weights."""
 
     edges: NDArray[np.float64]
     """(F,)."""
@@ -170,9 +167,8 @@ def _width(problem: LabelingProblem, name: str) -> int:
 def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDArray[np.float64]:
     """(F,) the size of each column of :func:`edge_features` over all edges of some problems.
 
-    This is 1 for columns computed here, which are at most 1, and the root mean square of the
-    non-zero entries for ``given`` columns
-    (:func:`~pgm_places.models.feature_scaling.column_sizes`).
+    1 for columns computed here, which are at most 1; for ``given`` ones the root mean square of
+    non-zero entries (:func:`~pgm_places.models.feature_scaling.column_sizes`).
     """
     counts = [edge_feature_count(problem, names) for problem in problems]
     if len(set(counts)) > 1:

@@ -74,8 +74,8 @@ def folds_of_groups(
 class ListTraining:
     """The binary classifiers of all lists on one training set, each trained at most once.
 
-    A classifier depends on its class, on the set of later classes, and on the held-out fold, so
-    lists of different orders share most classifiers; all share one preparation.
+    A classifier depends on its class, the set of later classes, and the held-out fold: lists of
+    different orders share most of them.
     """
 
     X: NDArray[np.float32]
@@ -130,10 +130,7 @@ class ListTraining:
         return self._scores[key]
 
     def rates(self) -> NDArray[np.float64]:
-        """(K,) the classification rate of each class against all others.
-
-        On the held-out folds if there are any, else on the training examples.
-        """
+        """(K,) each class's classification rate against all others, on held-out folds if any."""
         rates = np.empty(self.n_classes)
         for k in range(self.n_classes):
             rest = frozenset(range(self.n_classes)) - {k}
@@ -219,8 +216,8 @@ def prior_calibration(
 ) -> NDArray[np.float64]:
     """(K - 1, 2) slope 2 (eq. 7) and offset of each classifier's confidence.
 
-    The offset is ``prior_weight * log(w+ / w-)`` with the weights of the class and of later classes
-    of the list: the prior term of Bayes' rule for log-odds learned with ``w+ = w-``.
+    The offset is ``prior_weight * log(w+ / w-)`` with the weights of the class and of later
+    classes: the prior term of Bayes' rule for log-odds learned with ``w+ = w-``.
     """
     carried = np.bincount(labels, weights=weights, minlength=len(order))[list(order)]
     later = np.cumsum(carried[::-1])[::-1][1:]
@@ -241,9 +238,8 @@ def platt(
 ) -> tuple[float, float]:
     """Slope a and offset b of expit(a F + b) by maximum likelihood, with Newton's method.
 
-    Targets are smoothed as by Platt, (n+ + 1)/(n+ + 2) and 1/(n- + 2), so that separable scores
-    have a finite answer (Platt 1999; Lin, Lin and Weng 2007). Eq. 7, (2, 0), where the scores
-    lack one of the classes or do not vary.
+    Targets are smoothed, (n+ + 1)/(n+ + 2) and 1/(n- + 2), so that separable scores have a finite
+    answer (Platt 1999; Lin, Lin and Weng 2007). (2, 0), eq. 7, without both classes or variation.
     """
     n_positive = float(weights[positive].sum())
     n_negative = float(weights[~positive].sum())
@@ -282,9 +278,9 @@ def temperature(
 ) -> float:
     """The factor s of expit(s l) by maximum likelihood, at least 0.001; decisions do not change.
 
-    The derivative of the cross entropy, sum of w (expit(s l) - t) l, rises with s: its root is
-    bisected. Targets t are smoothed as in :func:`platt`; 1 where a class is lacking or all log-odds
-    are 0 (temperature scaling, Guo et al. 2017, for one classifier).
+    The root of the derivative, sum of w (expit(s l) - t) l, is bisected. Targets t are smoothed as
+    in :func:`platt`; 1 where a class is lacking or all log-odds are 0 (temperature scaling, Guo et
+    al. 2017, for one classifier).
     """
     n_positive = float(weights[positive].sum())
     n_negative = float(weights[~positive].sum())

@@ -23,19 +23,10 @@ def observed_in_folds(
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
     """Training problems from one graph with some known labels and weak node features.
 
-    The problem is copied ``n_parts`` times. Each copy observes all known labels except one part,
-    which is the training target: a model learns how far observed labels propagate, as in its later
-    use. Without observed labels, learned links propagate nothing, and all nodes get the most
-    frequent label.
-
-    Parameters
-    ----------
-    problem : LabelingProblem
-    labels : (N,) int
-        -1 where there is none.
-    n_parts : int
-        At least 2. Parts are drawn at random from the labelled nodes with a fixed seed, so that
-        targets are scattered over the graph like the known labels.
+    Each of ``n_parts`` copies of the problem observes all known labels (N,), -1 elsewhere, except
+    one part, which is the training target: a model learns how far observed labels propagate.
+    Without observed labels, learned links propagate nothing, and all nodes get the most frequent
+    label. Parts are drawn at random from the labelled nodes with a fixed seed.
 
     Examples
     --------
@@ -70,10 +61,9 @@ def with_observed(
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]], list[NDArray[np.float64]] | None]:
     """Problems and labellings to learn from, with observed labels added to the labellings.
 
-    If all labels of a problem are observed and its nodes have features or a unary, the observed
-    labels become targets: given the labels of neighbours, learning would hardly use the features.
-    Without features and unary, they are learned in folds (:func:`observed_in_folds`). Weights of
-    nodes are copied.
+    If all labels of a problem are observed and its nodes have features or a unary, observed labels
+    become targets, else learning would hardly use the features. Without features and unary, they
+    are learned in folds (:func:`observed_in_folds`). Weights of nodes are copied.
     """
     examples: list[tuple[LabelingProblem, NDArray[np.int64], int]] = []
     for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
@@ -112,10 +102,7 @@ def describes_nodes(problem: LabelingProblem) -> bool:
 def without_observed(
     problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
-    """The problems without observed labels; all labels become training targets.
-
-    For learners that condition on the true labels of neighbours anyway.
-    """
+    """The problems without observed labels, for learners that condition on true labels anyway."""
     filled = []
     for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
         if problem.known is not None:
@@ -191,9 +178,8 @@ def fault_on_few_labels(
 ) -> str | None:
     """What is wrong with the result on its only graph, of which at most half is labelled.
 
-    Either one label takes all unlabelled nodes, or nearly all where nothing describes them; or the
-    Potts field with its default weight labels nodes of known label better, which are hidden in turn
-    where the problem observes them.
+    One label takes all unlabelled nodes, or nearly all where nothing describes them; or the Potts
+    field with its default weight labels nodes of known label, hidden in turn, better.
     """
     truth = np.asarray(labels)
     known = problem.known

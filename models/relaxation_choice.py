@@ -43,9 +43,8 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
     """(P, 4) iterations, shares of the prior, accuracy and balanced accuracy on held-out parts.
 
     ``method`` is a :class:`~pgm_places.models.relaxation.Relaxation`. The first row has no
-    iterations. If steps are linked to cells, both scores are means of the scores of steps and of
-    cells: the few steps of a drive weigh as much as the many cells of its map. None if nothing can
-    be held out: a problem has no informative unary, or every part has all examples of a label.
+    iterations. If steps are linked to cells, both scores are means over steps and cells. None if a
+    problem has no informative unary, or every part has all examples of a label.
     """
     for problem, _ in examples:
         if problem.unary is None or (problem.unary == problem.unary[:, :1]).all():
@@ -89,8 +88,7 @@ def best_row(table: NDArray[np.float64]) -> NDArray[np.float64]:
     """The row with the best mean of both scores among those as accurate as the first.
 
     Accuracy may fall by :data:`TOLERANCE`, but must rise with a large share of the prior
-    (:data:`LARGE_SHARE`). The fewest iterations win among equals. If no row is accurate enough, the
-    first one (no iterations) is chosen.
+    (:data:`LARGE_SHARE`). Among equals the fewest iterations win; without candidates the first row.
     """
     rows = table[1:]
     least = table[0, 2] + np.where(rows[:, 1] < LARGE_SHARE, -TOLERANCE, WORTH)

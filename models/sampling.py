@@ -45,8 +45,8 @@ def sample(
 
     They are exact on graphs of small treewidth, as for the decoder ``exact``: forward filtering,
     backward sampling. Elsewhere Gumbel noise is added to every unary and the noisy problem is
-    decoded (perturb and MAP). This approximation gives plausible alternatives, not calibrated
-    probabilities.
+    decoded (perturb and MAP: G. Papandreou, A. Yuille, "Perturb-and-MAP random fields", ICCV 2011).
+    This approximation gives plausible alternatives, not calibrated probabilities.
 
     Parameters
     ----------
@@ -64,10 +64,6 @@ def sample(
     ------
     InputError
         Potentials that do not fit the graph, or fewer than one sample.
-
-    Notes
-    -----
-    G. Papandreou, A. Yuille, "Perturb-and-MAP random fields" (ICCV 2011).
 
     Examples
     --------

@@ -60,8 +60,8 @@ def learn_durations(
     ``positions_m`` (T, 2), ``labelings`` (T,), -1 where unknown, and ``weights`` (T,) are those of
     each drive; a stretch has the mean weight of its steps. Stretches censored by the end of the
     drive or by unlabelled steps count up to their end. Each rate is smoothed by ``smoothing``
-    occurrences at the label's overall rate, which is smoothed in the same way by the overall rate
-    of all labels.
+    occurrences at the label's overall rate, which is smoothed in the same way by that of all
+    labels.
 
     Examples
     --------
@@ -168,17 +168,14 @@ class SemiMarkovModel(HiddenMarkovModel):
 
     In a hidden Markov model, a label is left with constant probability per step. Here it is left at
     a rate per metre that depends on the metres driven since it was entered: a doorway is rarely
-    shorter than half a metre or longer than two. Distances between steps may vary, in training and
-    inference. Observations and options are those of
-    :class:`~pgm_places.models.hmm.HiddenMarkovModel`; filter, smoother and most probable sequence
-    are exact (:mod:`pgm_places.solvers.semi_markov`).
+    shorter than half a metre or longer than two. Distances between steps may vary. Observations and
+    options are those of :class:`~pgm_places.models.hmm.HiddenMarkovModel`; filter, smoother and
+    most probable sequence are exact (:mod:`pgm_places.solvers.semi_markov`).
 
-    Rates are counted on the labelled drives given to :meth:`fit`
+    :meth:`fit` counts rates on labelled drives
     (:func:`~pgm_places.models.semi_markov.learn_durations`). A model trained on maps only has
-    constant rates, and equals a hidden Markov model with steps of any length.
-
-    The label of the first step is assumed to begin there. Without positions each step counts as a
-    metre.
+    constant rates, and equals a hidden Markov model with steps of any length. The label of the
+    first step is assumed to begin there. Without positions each step counts as a metre.
 
     Examples
     --------

@@ -148,10 +148,9 @@ class VoteTable(NamedTuple):
         )
 
     def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(n, N) F of every classifier for every row.
+        """(n, N) F of every classifier for every row, from the table's ``columns``.
 
-        Only the table's ``columns`` are read. Results are bit-identical for any number of threads
-        and any other classifiers in the table.
+        Bit-identical for any number of threads and any other classifiers in the table.
         """
         if X.ndim != 2 or (self.plane.size and X.shape[1] <= self.columns[-1]):
             raise InputError(
@@ -179,12 +178,8 @@ _MAX_DEPTH = 4
 class BoostedTrees(Voters):
     """F(x) = sum_t f_t(x) with complete binary trees f_t of one depth.
 
-    Split s has the children 2 s + 1 on the left and 2 s + 2 on the right; below the S splits lie
-    the S + 1 leaves, from left to right.
-
-    References
-    ----------
-    Friedman, Hastie and Tibshirani, Additive logistic regression, 2000.
+    Split s has the children 2 s + 1 on the left and 2 s + 2 on the right, then come the S + 1
+    leaves. Friedman, Hastie and Tibshirani, Additive logistic regression, 2000.
     """
 
     feature: NDArray[np.int32]

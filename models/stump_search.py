@@ -32,8 +32,7 @@ _WORTH_THREADS = 4_000_000
 class Weights(NamedTuple):
     """The weights of the examples of one binary problem, and their masses.
 
-    Signed masses are the weights as integers, negative for negative examples, so that sums are
-    exact in any order.
+    Signed masses are integers, negative for negative examples, so that sums are exact in any order.
     """
 
     weights: NDArray[np.float64]
@@ -139,10 +138,7 @@ class StumpSearch:
         return self.weighed.mass >> _TIE_SHIFT
 
     def keep_in_range(self) -> None:
-        """Normalise the weights (step 3a of Fig. 2) where their sum has drifted too far.
-
-        In between, their sum stands for 1: only its ratio to scores matters.
-        """
+        """Normalise the weights (step 3a of Fig. 2) where their sum has drifted too far from 1."""
         if _LEAST_MASS <= self.weighed.mass <= _MOST_MASS:
             return
         for cells in self.cells:

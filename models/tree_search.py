@@ -76,11 +76,10 @@ class TreeSearch:
     """Level-wise growth of regression trees on a set of examples.
 
     Every node is split where ``G_l^2 / H_l + G_r^2 / H_r`` is largest, over all features and all
-    edges between their bins, of which there are at most 256; G and H are the sums of the gradient
-    and curvature masses on both sides. For weights w and labels y = +-1, with G the sum of w y and
-    H that of w, this is the split of least weighted squared error. Scores that agree to 2**-40
-    count as equal: the lowest column wins, then the lowest threshold. A node is left alone where no
-    split gains.
+    edges between their at most 256 bins, unless no split gains; G and H sum the gradient and
+    curvature masses on each side. For weights w and labels y = +-1, with G the sum of w y and H
+    that of w, this is the split of least weighted squared error. Of scores that agree to 2**-40 the
+    lowest column wins, then the lowest threshold.
 
     ``segments`` (S, 3) are rows (start, stop, is positive) of the used positions; ``leaf``
     (positions,) is the leaf of each example in the tree grown last.

@@ -31,9 +31,8 @@ def dual_bound(
 
     ``sum_i max_k (unary_i(k) + sum_e d_ei(k)) + sum_e max_kl (table_e(k, l) - d_ei(k) - d_ej(l))``
     is a bound for any duals; the smallest one is the value of the linear relaxation. ``duals``
-    (2 E, K) are messages of each edge to its nodes: row ``2 e`` to the second, row ``2 e + 1`` to
-    the first. -inf rules the label out at that node; the bound then holds for labellings without
-    it.
+    (2 E, K) are messages of each edge to its nodes: row ``2 e`` to the second, ``2 e + 1`` to the
+    first. -inf rules a label out at a node; the bound then holds for labellings without it.
 
     T. Werner, "A linear programming approach to max-sum problem: a review" (PAMI 2007); D. Sontag,
     A. Globerson and T. Jaakkola, "Introduction to dual decomposition for inference" (2011).

@@ -1,11 +1,10 @@
 """Bounds of the partition function on any graph: from below by mean field, from above by trees.
 
-The logarithm of Z is convex in the potentials. Split the edges among F forests, multiply those of
-each by F, and share the unaries out so that their mean is the model's: the mean of the forests'
-log Z, each exact by dynamic programming, is then no smaller than the graph's (M. Wainwright,
-T. Jaakkola, A. Willsky, "A new class of upper bounds on the log partition function", IEEE Trans.
-Information Theory 51 (2005)). The shares are chosen to make it as small as possible, which makes
-the forests' marginals agree; every step of the search is a bound.
+log Z is convex in the potentials. Split the edges among F forests, multiply those of each by F, and
+share the unaries out so that their mean is the model's: the mean of the forests' log Z, each exact
+by dynamic programming, is then no smaller than the graph's (M. Wainwright, T. Jaakkola, A. Willsky,
+"A new class of upper bounds on the log partition function", IEEE Trans. Information Theory 51
+(2005)). The shares minimise it, which makes the forests' marginals agree; every step is a bound.
 """
 
 from dataclasses import dataclass, replace
