@@ -25,6 +25,7 @@ from pgm_places.solvers.margin_solution import REACHED, Cut, LearnedWeights, OnS
 from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
+from pgm_places.solvers.table_field import TableField
 
 Learner = Literal["auto", "cutting-plane", "qp"]
 
@@ -237,23 +238,24 @@ def weighted(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginPr
 
 
 def weighed_terms(
-    terms: Any, edges: NDArray[np.int32], weight: NDArray[np.float64]
+    terms: MaxMarginProblem | TableField, edges: NDArray[np.int32], weight: NDArray[np.float64]
 ) -> dict[str, Any]:
     """Features of nodes, edges and sets by name, times their connected part's mean weight (N,)."""
     joins = edges if terms.sets is None else np.concatenate([edges, terms.sets.joins])
     share = part_means(terms.n_nodes, joins, weight)
-    terms_of = {
+    terms_of: dict[str, Any] = {
         "node_features": times_rows(terms.node_features, share),
         "edge_features": times_rows(terms.edge_features, share[edges[:, 0]]),
         "sets": None if terms.sets is None else terms.sets.times(share),
     }
-    if getattr(terms, "offset", None) is not None:
-        terms_of["offset"] = times_rows(terms.offset, share)
+    offset = getattr(terms, "offset", None)
+    if offset is not None:
+        terms_of["offset"] = times_rows(offset, share)
     return terms_of
 
 
 def terms_among(
-    terms: Any, edges: NDArray[np.int32], keep: NDArray[np.bool_]
+    terms: MaxMarginProblem | TableField, edges: NDArray[np.int32], keep: NDArray[np.bool_]
 ) -> tuple[dict[str, Any], NDArray[np.int64]]:
     """Features of the nodes of a mask, of the edges and sets among them; and these edges."""
     inside = keep[edges].all(axis=1)

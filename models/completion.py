@@ -30,7 +30,8 @@ from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.graph_cut import alpha_expansion
 from pgm_places.solvers.likelihood import maximize_likelihood
 from pgm_places.solvers.margin_solution import REACHED, Cut, LearnedWeights
-from pgm_places.solvers.max_margin import Oracle
+from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
+from pgm_places.solvers.max_oracle import TableMarginProblem
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.table_field import TableField
 
@@ -44,6 +45,8 @@ ROUNDING = 1e-9
 
 # Relative decrease of the objective below which the procedure stops.
 AT_REST = 1e-3
+
+Learnable = MaxMarginProblem | TableMarginProblem
 
 Solve = Callable[[Any, Sequence[Cut]], LearnedWeights]
 Complete = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.int64]]
@@ -63,7 +66,7 @@ class HiddenLabels:
 
 
 def concave_convex(
-    problem: Any,
+    problem: Learnable,
     solve: Solve,
     complete: Complete,
     *,
@@ -103,8 +106,8 @@ def concave_convex(
 
 
 def _round(
-    problem: Any, solve: Solve, complete: Complete, cuts: Sequence[Cut]
-) -> tuple[float, LearnedWeights, Any, Any]:
+    problem: Learnable, solve: Solve, complete: Complete, cuts: Sequence[Cut]
+) -> tuple[float, LearnedWeights, Learnable, Learnable]:
     """The objective after a round, the solution, the problem, and the one with its completion."""
     solution, completed = _solved(problem, solve, complete, cuts)
     after = replace(problem, labels=completed)
@@ -113,7 +116,7 @@ def _round(
 
 
 def _solved(
-    problem: Any, solve: Solve, complete: Complete, cuts: Sequence[Cut]
+    problem: Learnable, solve: Solve, complete: Complete, cuts: Sequence[Cut]
 ) -> tuple[LearnedWeights, NDArray[np.int64]]:
     """The solution for one completion, and the next completion; adds cuts the oracle missed."""
     for _ in range(MAX_MISSED):
@@ -131,7 +134,7 @@ def _solved(
     return solution, labels
 
 
-def _gain(weights: NDArray[np.float64], before: Any, after: Any) -> float:
+def _gain(weights: NDArray[np.float64], before: Learnable, after: Learnable) -> float:
     """The gain of another completion per node."""
     difference = after.truth_features - before.truth_features
     return float(weights @ difference) / float(before.n_nodes)
@@ -144,7 +147,7 @@ def _at_rest(objectives: Sequence[float]) -> bool:
     return objectives[-2] - objectives[-1] <= AT_REST * abs(objectives[-2])
 
 
-def _moved(cuts: Sequence[Cut], before: Any, now: Any) -> tuple[Cut, ...]:
+def _moved(cuts: Sequence[Cut], before: Learnable, now: Learnable) -> tuple[Cut, ...]:
     """The cuts for another completion; losses stay, since unknown labels have none."""
     shift = (now.truth_features - before.truth_features) / now.n_nodes
     return tuple(Cut(cut.gradient + shift, cut.offset) for cut in cuts)
@@ -201,7 +204,7 @@ def completes(
 
 
 def learn_completed(
-    problem: Any,
+    problem: Learnable,
     truth: NDArray[np.int64],
     starts: Sequence[NDArray[np.int64]],
     loss_of: LossOf,

@@ -131,7 +131,7 @@ def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
     cut = alpha_expansion(problem.model, **problem.limited("max_sweeps"))
     bound = cut.score if cut.exact else None
     status = Status.EXACT if cut.exact else converged(cut.converged)
-    info: dict[str, Any] = {"moves": cut.n_moves}
+    info: dict[str, object] = {"moves": cut.n_moves}
     if problem.inside and cut.exact:
         from pgm_places.solvers.marginal_lp import cut_duals
 
@@ -155,7 +155,7 @@ def _trws(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.trws import trws
 
     dual = trws(problem.model, **problem.limited(), duals=problem.inside)
-    info: dict[str, Any] = {"score_history": tuple(dual.history[:, 0].tolist())}
+    info: dict[str, object] = {"score_history": tuple(dual.history[:, 0].tolist())}
     if problem.inside:
         info["duals"] = dual.duals
     return DecodingAnswer(dual.labels, converged(dual.converged), dual.bound, info=info)
@@ -174,7 +174,7 @@ def _mean_field(problem: DecodingTask) -> DecodingAnswer:
     field: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
     if field is None:
         field = mean_field(problem.model, **problem.damped())
-    info: dict[str, Any] = {}
+    info: dict[str, object] = {}
     if problem.inside:
         first, second = problem.graph.edges.T
         of_pairs = np.einsum("ek,el->ekl", field.beliefs[first], field.beliefs[second])
@@ -204,7 +204,7 @@ def _max_product(problem: DecodingTask) -> DecodingAnswer:
 
     limits = {"max_iterations": MAX_PRODUCT_SWEEPS, **problem.damped(MAX_PRODUCT_DAMPING)}
     spread = belief_propagation(problem.model, kind="max-product", **limits)
-    info: dict[str, Any] = {"messages": spread.messages} if problem.inside else {}
+    info: dict[str, object] = {"messages": spread.messages} if problem.inside else {}
     if spread.exact:
         return DecodingAnswer(spread.labels, Status.EXACT, spread.score, info=info)
     info |= _better(problem, spread.labels, spread.score)
@@ -226,7 +226,7 @@ def _sum_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation, pair_beliefs
 
     spread = belief_propagation(problem.model, kind="sum-product", **problem.damped())
-    info: dict[str, Any] = {}
+    info: dict[str, object] = {}
     if problem.inside:
         of_pairs = pair_beliefs(problem.model, spread.messages)
         info = {"pair_beliefs": of_pairs, "messages": spread.messages}
@@ -241,7 +241,7 @@ def _exact(problem: DecodingTask) -> DecodingAnswer:
     if not is_forest(model.around):
         return _exact_on_cycles(problem)
     best, sums = forest_maximum(model), forest_marginals(model, pairs=problem.inside)
-    info: dict[str, Any] = {"log_partition": sums.log_partition}
+    info: dict[str, object] = {"log_partition": sums.log_partition}
     if problem.inside:
         info["pair_beliefs"] = sums.pair_beliefs
     return DecodingAnswer(best.labels, Status.EXACT, best.score, sums.beliefs, info)
@@ -262,7 +262,7 @@ def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
     labels, marginals = tree.solved(unary)
     edges = [(int(i), int(j)) for i, j in around.edges] if problem.inside else []
     sums = tree.marginals(unary, edges)
-    info: dict[str, Any] = {"log_partition": sums.log_partition, "width": tree.order.width}
+    info: dict[str, object] = {"log_partition": sums.log_partition, "width": tree.order.width}
     if problem.inside:
         info["pair_beliefs"] = np.array(sums.joints)
     best = float(marginals[0].max())

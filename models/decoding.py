@@ -6,7 +6,6 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -175,7 +174,7 @@ def decode(
         if total == -np.inf:
             answer = _repaired(task, answer)
         total = score(graph, potentials, answer.labels)
-    info: dict[str, Any] = {"decoder": method, "iterations": len(history)}
+    info: dict[str, object] = {"decoder": method, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
     info.update(answer.info)
     if inside:
@@ -196,7 +195,7 @@ def decode(
     )
 
 
-def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
+def _inside(name: str, answer: DecodingAnswer) -> dict[str, object]:
     """Internal quantities of the answer; InputError if there are none."""
     of_pairs = answer.info.get("pair_beliefs")
     if of_pairs is not None:

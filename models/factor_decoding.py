@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,7 +65,7 @@ def decode_factors(
     if any(table.max() == -np.inf for table in restricted.tables):
         raise InfeasibleError(_NONE)
     started = time.perf_counter()
-    info: dict[str, Any] = {"decoder": method, "iterations": 0, "history": ()}
+    info: dict[str, object] = {"decoder": method, "iterations": 0, "history": ()}
     if method == "exact":
         answer = _exact(restricted)
     else:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -321,7 +321,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         if contradicts.any():
             observed[impossible[~contradicts]] = 0.0
             chain = self._all_possible._explained(problem.graph, observed, lengths)
-        info: dict[str, Any] = {}
+        info: dict[str, object] = {}
         if isinstance(chain, ChainPath):
             labels, beliefs, status = chain.labels, None, Status.EXACT
             total: float | None = chain.log_probability

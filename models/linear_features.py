@@ -97,7 +97,7 @@ def _checked_parts(option: str, parts: tuple[str, ...], known: tuple[str, ...]) 
 
 def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.float64]:
     """(N, D) node features before standardisation, part after part."""
-    columns: list[Any] = []
+    columns: list[NDArray[np.float64]] = []
     there = {"logz": problem.unary is not None, "raw": problem.node_features is not None}
     for part in with_auto(parts, there):
         if part == OFFSET:

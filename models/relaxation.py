@@ -23,6 +23,7 @@ from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.options.marks import Ge, Lt
 from pgm_places.solvers.relaxation import (
     DIRECTIONS,
+    Beliefs,
     OnIteration,
     Relaxed,
     check_tables,
@@ -374,7 +375,7 @@ def _labels_and_walls(
     return raster
 
 
-def _best(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
+def _best(beliefs: Beliefs) -> NDArray[np.int64]:
     """(N,) the label of the largest belief; int32 for float32 beliefs."""
     labels = np.empty(len(beliefs), np.int32 if beliefs.dtype == np.float32 else np.int64)
     for some in row_blocks(len(beliefs)):
@@ -392,7 +393,7 @@ class _AccuracyRecorder:
         self.accuracy: list[float] = []
         self.seconds = 0.0
 
-    def __call__(self, _iteration: int, _change: float, beliefs: Callable[[], Any]) -> None:
+    def __call__(self, _iteration: int, _change: float, beliefs: Callable[[], Beliefs]) -> None:
         begin = time.perf_counter()
         right = beliefs()[self.known].argmax(axis=1) == self.true
         self.accuracy.append(float(right.mean()) if len(right) else np.nan)

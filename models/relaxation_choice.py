@@ -18,6 +18,7 @@ from pgm_places.inference.problem import evident_unary
 from pgm_places.models.evidence_weight import divided_share
 from pgm_places.models.held_out_choice import TOLERANCE, WORTH, held_out_words, mean_scores
 from pgm_places.models.labelled_examples import Example, held_out_parts, linked_steps
+from pgm_places.solvers.relaxation import Beliefs, OnIteration
 
 ITERATIONS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50)
 """Candidate numbers of iterations; the last is used if nothing can be held out."""
@@ -142,10 +143,10 @@ def _adds(
     steps: NDArray[np.bool_],
     truth: NDArray[np.int64],
     counts: dict[int, NDArray[np.float64]],
-) -> Callable[[int, float, Callable[[], Any]], None]:
+) -> OnIteration:
     """A callback that adds the labels after some iterations to confusion counts (2, K, K)."""
 
-    def note(iteration: int, _change: float, beliefs: Callable[[], Any]) -> None:
+    def note(iteration: int, _change: float, beliefs: Callable[[], Beliefs]) -> None:
         if iteration in counts:
             tables = counts[iteration]
             tables += _by_kind(steps, truth, beliefs().argmax(axis=1), tables.shape[1])

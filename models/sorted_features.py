@@ -14,7 +14,7 @@ its rows are not contiguous.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ class SortedFeatures:
         ]
         return np.array(rows, np.int64).reshape(-1, 3)
 
-    def sorted_bin(self, plane: int, number: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    def sorted_bin(self, plane: int, number: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Positions and values of one bin by ascending value, cached."""
         key = (plane, number)
         if key not in self._bins:

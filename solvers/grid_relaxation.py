@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from pgm_places.kernels.lazy_memory import MappedPlanes
 from pgm_places.kernels.threads import run_parts, run_tasks
 from pgm_places.solvers import relaxation
 from pgm_places.solvers.convergence import check_iteration_limits
-from pgm_places.solvers.relaxation import DIRECTIONS, OnIteration, Relaxed
+from pgm_places.solvers.relaxation import DIRECTIONS, Beliefs, OnIteration, Relaxed
 
 # Cells of a row that are stored together: a cache line of float32, one to four vectors.
 BLOCK = 16
@@ -234,7 +234,7 @@ def _runs(
 
 
 def _fill(
-    unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float, nodes_at_once: int
+    unary: Beliefs, cells: _Cells, rows: _Rows, floor: float, nodes_at_once: int
 ) -> MappedPlanes:
     """The store (K, M) with the initial beliefs."""
     store = MappedPlanes((unary.shape[1], rows.n_cells), np.float32)

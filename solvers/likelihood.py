@@ -239,7 +239,7 @@ class _Descent:
                 raise StopIteration
 
         self.closed = False
-        options: Any = {"maxiter": max_iterations, "maxfun": 100 * max_iterations}
+        options: dict[str, float] = {"maxiter": max_iterations, "maxfun": 100 * max_iterations}
         options |= {"maxcor": MEMORY, "gtol": 0.0, "ftol": 0.0}
         lbfgs: Any = partial(minimize, jac=True, method="L-BFGS-B", callback=step, options=options)
         minimum = lbfgs(measured, start)
