@@ -152,12 +152,25 @@ def comparison_table(comparison: "Comparison") -> str:
         if name in tables
     ]
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
-    note = "* significantly better, or the highest of a split; ranges: 95 % intervals"
+    note = f"* significantly better{_units(comparison)}, or the highest of a split"
+    note += "; ranges: 95 % intervals"
     n_seeds = len(comparison.seeds)
     note += f"; ±: standard deviation over {n_seeds} seeds" if n_seeds else ""
     parts.append(f"({note}; stages: {stages})")
     chosen = [f"{option}: {words}" for option, words in comparison.all_choices.items()]
     return "\n" + "\n\n".join(parts) + "".join(f"\n{line}" for line in chosen)
+
+
+def _units(comparison: "Comparison") -> str:
+    """What differences are tested on, if the buildings are too few for the test over buildings."""
+    from pgm_places.experiment.significance import FEWEST_BUILDINGS
+
+    differences = comparison.judgement.differences
+    n = differences[0].buildings.n_buildings if differences else FEWEST_BUILDINGS
+    if n >= FEWEST_BUILDINGS:
+        return ""
+    which = "the test building" if n == 1 else f"the {n} test buildings"
+    return f" on blocks of {which}, which says nothing of others"
 
 
 def shares_line(fractions: "tuple[float, float, float]") -> str:

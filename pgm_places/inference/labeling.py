@@ -55,6 +55,12 @@ class Status(StrEnum):
         """The meaning of the status, for summaries and reports."""
         return _MEANINGS[self]
 
+    @property
+    def note(self) -> str:
+        """Status and meaning in parentheses; empty for the usual ones, exact and converged."""
+        usual = self in (Status.EXACT, Status.CONVERGED)
+        return "" if usual else f" ({self}: {self.meaning})"
+
 
 # What a decoder's history holds.
 _PROGRESS = {
@@ -66,7 +72,7 @@ _PROGRESS = {
 
 _MEANINGS = {
     Status.EXACT: "proved best for the method's scores",
-    Status.CONVERGED: "ended at a local optimum",
+    Status.CONVERGED: "no small change of the labels scores more; quite another labelling might",
     Status.STOPPED: "the method reached its iteration limit before it settled; the labels can be "
     "used, but more iterations might change some",
     Status.RELAXED: "the rounded solution of a relaxation",

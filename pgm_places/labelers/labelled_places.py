@@ -212,10 +212,9 @@ class LabelledPlaces(Plotted):
         return dict(zip(self.label_names, (counts * cell_m2).tolist(), strict=True))
 
     def summary(self) -> str:
-        """One line: the area of each label and how the method ended."""
+        """One line: the area of each label, and the status if the method did not end as usual."""
         areas = ", ".join(f"{name} {area:.1f} m²" for name, area in self.shares().items())
-        status = self.labeling.status
-        return f"{self.method}: {areas} ({status}: {status.meaning})"
+        return f"{self.method}: {areas}{self.labeling.status.note}"
 
 
 def on_own_raster(

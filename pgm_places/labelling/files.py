@@ -131,6 +131,7 @@ def write_labelled(
         with report_stage("writing files"):
             write_labels(result, source, files.stage, packing=packing, outputs=outputs)
         record, unentered = _record_of(result, source), result.unentered
+        ending = result.labeling.status.note
         warnings, cells = (*source.warnings, *result.warnings), result.cells
         # Arrays of a huge map are moved to a file until its places are known.
         if cells.beliefs is not None:
@@ -160,7 +161,7 @@ def write_labelled(
         record["warnings"] = [*warnings]
         write_json(files.stage / SUMMARY_FILE, record, indent=2, allow_nan=True)
     areas = ", ".join(f"{name} {area:.1f} m²" for name, area in topology.area_m2.items())
-    summary = f"{record['method']}: {areas} ({record['status']}: {record['status_meaning']})"
+    summary = f"{record['method']}: {areas}{ending}"
     return WrittenMap(summary, cells.labels, topology.area_m2, warnings, topology, unentered)
 
 

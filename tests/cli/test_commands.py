@@ -67,7 +67,7 @@ def test_train_then_label(building: Path, run: Run) -> None:
     assert summary["method"] == "relaxation"
     status = Status(summary["status"])
     assert summary["status_meaning"] == status.meaning
-    assert f"({status}: {status.meaning})" in text
+    assert (f"({status}: {status.meaning})" in text) == bool(status.note)
     labels = ("corridor", "room", "doorway")
     assert file_names(out) == {RECORD_FILE, *label_files.output_file_names(labels)}
 

@@ -12,7 +12,9 @@ import pytest
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.io.staging import file_names
 from pgm_places.labelling.files import output_file_names
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.map_page import MapPage
+from pgm_places.topology.from_labels import topological_map
 from tests.cli.conftest import Run, building, run
 from tests.topology.floors import gated_floor_map
 
@@ -31,6 +33,29 @@ def test_a_page_names_every_place_and_holds_its_picture() -> None:
         assert f">{region.name}</th>" in text
     assert 'src="data:image/png;base64,' in text and "<script" not in text
     assert 'src="data:' not in page_of(picture=False)
+
+
+def test_a_page_has_the_position_of_each_place() -> None:
+    text = page_of()
+    for region in gated_floor_map().regions:
+        x, y = region.anchor_m
+        assert f"<td>{x:.2f}, {y:.2f}</td>" in text
+
+
+def test_many_neighbours_are_folded() -> None:
+    """A corridor with seven doors."""
+    names = ("corridor", "room")
+    labels = np.full((12, 7 * 10), 0)
+    labels[6:] = 1
+    labels[6:, ::10] = -1
+    grid = OccupancyGrid(np.where(labels < 0, 100, 0).astype(np.int8), 0.2)
+    found = topological_map(grid, labels, names)
+    [corridor] = [region for region in found.regions if region.label == "corridor"]
+    assert len(found.neighbours(corridor.id)) == 7
+    text = MapPage(grid, found, title="floor", names=()).content().decode()
+    rooms = ", ".join(region.name for region in found.neighbours(corridor.id))
+    assert f"<details><summary>7 places</summary>{rooms}</details>" in text
+    assert text.count("<details>") == 1
 
 
 def test_free_space_in_no_place_has_its_own_area() -> None:

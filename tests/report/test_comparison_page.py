@@ -368,6 +368,20 @@ def test_differences_are_written_down_for_programs_and_listed_in_terminals() -> 
     table = comparison_table(worse)
     [row] = [line for line in table.splitlines() if line.startswith("relaxation ") and "to" in line]
     assert row.split()[1:3] == ["plain", "+96.3*"] and "2/0/0" in row
+    assert "* significantly better on blocks of the 2 test buildings, which says nothing" in table
+
+
+@pytest.mark.parametrize(
+    ("n_buildings", "words"),
+    [
+        (1, "better on blocks of the test building, which says nothing of others, or"),
+        (6, "better, or"),
+    ],
+)
+def test_a_star_names_the_blocks_if_buildings_are_too_few(n_buildings: int, words: str) -> None:
+    comparison = small_comparison(map_names=tuple("abcdef"[:n_buildings]))
+    worse = replace(comparison, methods=(wrong_everywhere(comparison), comparison.methods[1]))
+    assert f"(* significantly {words} the highest of a split;" in comparison_table(worse)
 
 
 def test_terminal_page_and_results_show_one_record() -> None:
