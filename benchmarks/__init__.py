@@ -1,1 +1,1 @@
-"""Speed against peers and physical limits, side by side in one run."""
+"""Benchmarks: speed compared with other packages and with limits of the hardware."""

@@ -98,13 +98,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    """Run all topics, or those that are named, and write their tables."""
-    given = parser().parse_args()
-    for topic in given.topics or TOPICS:
+    """Run the named topics, or all, and write their tables."""
+    arguments = parser().parse_args()
+    for topic in arguments.topics or TOPICS:
         print(f"== {topic}", flush=True)
-        text = measured(topic, quick=given.quick)
+        text = measured(topic, quick=arguments.quick)
         print(text, flush=True)
-        if not given.quick:
+        if not arguments.quick:
             write_table(topic, text)
 
 

@@ -40,7 +40,7 @@ TRAINING_COLUMNS = 366
 PENALTY = 100.0
 ARRAYS = ("node_features", "edges", "edge_features", "labels", "loss")
 QP_NODES = 5_000
-"""The compact QP is solved up to so many nodes."""
+"""Most nodes for which the compact QP is solved."""
 
 
 def training_problem(resolution_m: float, *, quick: bool) -> tuple[str, MaxMarginProblem]:

@@ -3,7 +3,7 @@
 One class against all others, on the 321 features of the cells of building 79 at 5 cm if the data is
 available, otherwise of the generated building. Seconds are processor time on one thread and wall
 clock on several. Methods marked ``*`` were run for fewer rounds and their time per round was
-extrapolated. ``same stumps`` counts the rounds, among those that the exhaustive sweep was run for,
+extrapolated. ``same stumps`` counts the rounds, among the rounds of the exhaustive sweep,
 in which the stump is identical. LightGBM's stumps use 255 bins and a logistic loss: a different
 model, listed for its speed. ``bytes`` is the memory per example and feature in addition to the
 float32 matrix.
@@ -102,14 +102,14 @@ def row(
         "rounds s": rounds_s,
         "all s": None if rounds_s is None else rounds_s + (prepare_s or 0.0),
         "same stumps": more.get("same"),
-        "bytes": more.get("kept"),
+        "bytes": more.get("bytes_per_value"),
     }
 
 
 def ours(
     X: Matrix, own: Any, n_rounds: int, repeats: int, n_threads: int, wanted: list[peers.Stump]
 ) -> Row:
-    """Ours, and how many of its first stumps are those of the exhaustive sweep."""
+    """Our boosting, and how many of its first stumps agree with the exhaustive sweep."""
     part, wall = own.astype(np.int64), n_threads > 1
     seconds = []
     with thread_limit(n_threads):
@@ -122,14 +122,14 @@ def ours(
             seconds.append(rounds_s)
     stumps = list(zip(found.feature, found.threshold, found.polarity, strict=True))
     same = sum(stumps[t] == wanted[t] for t in range(len(wanted)))
-    kept = prepared.codes.nbytes + prepared.tables.cells.nbytes
+    n_bytes = prepared.codes.nbytes + prepared.tables.cells.nbytes
     return row(
         "pgm_places",
         n_threads,
         prepare_s,
         statistics.median(seconds),
         same=f"{same} of {len(wanted)}",
-        kept=kept / X.size,
+        bytes_per_value=n_bytes / X.size,
     )
 
 

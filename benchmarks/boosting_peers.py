@@ -1,4 +1,4 @@
-"""What boosting is compared with: an exhaustive sweep of our own, and other packages' stumps.
+"""Peers of boosting: an exhaustive sweep as reference, and stumps of other packages.
 
 The sweep is what a careful programmer would write first: every round passes over all presorted
 values of all features. Its stumps are the ones that ours must be.

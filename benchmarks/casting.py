@@ -50,7 +50,7 @@ def maps() -> Iterator[tuple[str, OccupancyGrid]]:
 
 
 class OneBox:
-    """A whole map cast into memory that is kept, as one block of a stream is."""
+    """All cells of a map cast as one block, into memory that is reused."""
 
     def __init__(self, grid: OccupancyGrid, sensor: Sensor, n_threads: int) -> None:
         self._box = Box(0, grid.shape[0], 0, grid.shape[1])
@@ -108,13 +108,13 @@ def fill(out: NDArray[np.float32], n_threads: int) -> None:
 
 
 def cast_on(n_threads: int, grid: OccupancyGrid, sensor: Sensor) -> NDArray[np.float32]:
-    """What so many threads see."""
+    """The scans of all free cells, cast by ``n_threads`` threads."""
     with thread_limit(n_threads):
         return cast_cells(grid, sensor)
 
 
 def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str, Any]]:
-    """All methods side by side."""
+    """A row per method."""
     sensor = Sensor()
     slow = RayByRay(grid, sensor, SAMPLE)
     slow.follow(2)

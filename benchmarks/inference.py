@@ -52,9 +52,9 @@ SHOWN = (
 
 TRAINING_COLUMNS = 366
 LP_NODES = 20_000
-"""HiGHS solves the linear relaxation of up to so many nodes whose labels are not all decided."""
+"""Most undecided nodes for which HiGHS solves the linear relaxation."""
 ENOUGH_SECONDS = 2.0
-"""After so many seconds a measurement is not repeated."""
+"""A measurement that takes longer (s) is not repeated."""
 R = TypeVar("R")
 
 

@@ -1,6 +1,6 @@
-"""What users would take otherwise for pairwise labelling, behind the same few functions.
+"""Peers for pairwise labelling: other packages' decoders and cuts behind common functions.
 
-None of these is a dependency: each is used where it is installed, and left out where it is not.
+None of them is a dependency; packages that are not installed are left out.
 PyMaxflow is GPL; it is a yardstick here and nowhere else.
 """
 
@@ -63,11 +63,11 @@ def _integer_arcs(
     """Tails, heads and scaled capacities; the source is node N, the sink N + 1."""
     n_nodes = len(excess)
     scale = INTEGER_SCALE / max(np.abs(excess).max(), capacity.max(initial=0.0), 1e-300)
-    whole, ends = np.rint(capacity * scale), np.rint(excess * scale)
-    above, below, kept = np.flatnonzero(ends > 0), np.flatnonzero(ends < 0), whole > 0
-    tails = [edges[kept, 0], edges[kept, 1], np.full(len(above), n_nodes), below]
-    heads = [edges[kept, 1], edges[kept, 0], above, np.full(len(below), n_nodes + 1)]
-    values = [whole[kept], whole[kept], ends[above], -ends[below]]
+    capacities, ends = np.rint(capacity * scale), np.rint(excess * scale)
+    above, below, used = np.flatnonzero(ends > 0), np.flatnonzero(ends < 0), capacities > 0
+    tails = [edges[used, 0], edges[used, 1], np.full(len(above), n_nodes), below]
+    heads = [edges[used, 1], edges[used, 0], above, np.full(len(below), n_nodes + 1)]
+    values = [capacities[used], capacities[used], ends[above], -ends[below]]
     return (
         np.concatenate(tails).astype(np.int32),
         np.concatenate(heads).astype(np.int32),
@@ -93,7 +93,7 @@ def cut_scipy(edges: NDArray[np.int64], capacity: Floats, excess: Floats) -> NDA
 
 
 def installed_cuts() -> dict[str, Cut]:
-    """The peers' cuts by name, of those that are installed."""
+    """The minimum cuts of installed packages, by name."""
     cuts: dict[str, Cut] = {}
     if find_spec("maxflow"):
         cuts["PyMaxflow"] = cut_pymaxflow
@@ -109,7 +109,7 @@ def expand(model: Model, cut: Cut, max_sweeps: int = 20) -> tuple[NDArray[np.int
     best, idle, inside = model.score(labels), 0, 0.0
     for move in range(max_sweeps * n_labels):
         target = move % n_labels
-        kept = np.where(labels[i] == labels[j], model.agreement[every, labels[i]], 0.0)
+        agreed = np.where(labels[i] == labels[j], model.agreement[every, labels[i]], 0.0)
         gained = model.agreement[:, target]
         done_i, done_j = labels[i] == target, labels[j] == target
         both = ~done_i & ~done_j
@@ -117,10 +117,10 @@ def expand(model: Model, cut: Cut, max_sweeps: int = 20) -> tuple[NDArray[np.int
         excess[labels == target] = 0.0
         excess -= np.bincount(j[done_i & ~done_j], gained[done_i & ~done_j], n_nodes)
         excess -= np.bincount(i[done_j & ~done_i], gained[done_j & ~done_i], n_nodes)
-        half = 0.5 * (kept - gained)[both]
+        half = 0.5 * (agreed - gained)[both]
         excess += np.bincount(i[both], half, n_nodes) + np.bincount(j[both], half, n_nodes)
         start = time.process_time()
-        sink_side = cut(model.edges[both], 0.5 * (kept + gained)[both], excess)
+        sink_side = cut(model.edges[both], 0.5 * (agreed + gained)[both], excess)
         inside += time.process_time() - start
         moved = np.where(sink_side & (labels != target), target, labels)
         value = model.score(moved)

@@ -1,4 +1,4 @@
-"""Labelling a whole map: load, cast, features, classify.
+"""Labelling a complete map: load, cast, features, classify.
 
 The real map of building 79 at 5 cm if the data is available, otherwise the generated building; the
 lists are trained on the same map: stumps on laser features, or trees that also see the segments,

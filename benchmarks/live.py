@@ -1,11 +1,11 @@
 """From a scan to a place, while a map is labelled.
 
 A robot sends 40 scans of 720 beams a second, and maps of 2000 x 2000 cells, each of them different.
-Maps are labelled in a second process of lower priority. A step is all that is done with the bytes
-of a scan until the bytes of its place are ready: reading, transforms, completing the scan, its 321
-features, the list, the filter and the place of the map. Given are percentiles of the time of a
-step, on the wall clock and of the processor time of its thread: what the first is longer by is what
-other work on the same core takes. The steps before the second labelled map are left out, because
+Maps are labelled in a second process of lower priority. A step is all work from the bytes
+of a scan to the bytes of its place: reading, transforms, completing the scan, its 321
+features, the list, the filter and the place of the map. The table gives percentiles of a
+step's time, wall-clock and processor time of its thread; their difference is other work on the
+same core. The steps before the second labelled map are left out, because
 the kernels are read from the cache in them.
 """
 

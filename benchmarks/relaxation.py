@@ -3,7 +3,7 @@
 Building 79 at 5 cm if the data is available, otherwise the generated building, and the same floor
 tiled into a larger map; 3 labels and walls, with a third of the labels wrong at the start. All
 methods perform the same 100 updates in single precision. ``floor: planes`` reads and writes the
-raster's planes of beliefs once per iteration, which no update of whole planes can beat; ``floor:
+raster's planes of beliefs once per iteration, a limit for updates of complete planes; ``floor:
 nodes`` reads and writes only the beliefs of the free cells. Seconds are processor time on one
 thread and wall clock on several; ``difference`` is the largest difference of any belief from the
 first method.
@@ -46,9 +46,9 @@ class Case:
         self.walls = np.tile(grid.occupied, (tiles, tiles))
         self.cells = np.argwhere(self.free).astype(np.int32)
         truth = np.tile(labels, (tiles, tiles))[self.free].astype(np.int64)
-        seen = np.where(rng.random(len(truth)) < WRONG, rng.integers(0, 3, len(truth)), truth)
+        observed = np.where(rng.random(len(truth)) < WRONG, rng.integers(0, 3, len(truth)), truth)
         z = np.full((len(truth), 3), 0.125)
-        z[np.arange(len(truth)), np.maximum(seen, 0)] = 0.75
+        z[np.arange(len(truth)), np.maximum(observed, 0)] = 0.75
         self.unary = np.log(z)
         graph = LabelGraph.from_grid(grid)
         problem = LabelingProblem(graph, NAMES, unary=np.zeros((graph.n_nodes, 3)))
@@ -80,7 +80,7 @@ class Case:
         return planes
 
     def by_planes(self, neighbour_sum: Callable[[Planes], Planes]) -> NDArray[np.float64]:
-        """The update as whole-array arithmetic on planes."""
+        """The update as NumPy arithmetic on planes."""
         planes = self.planes()
         inner = planes[:3, 1:-1, 1:-1]
         table = (self.r[0, :3] / 8).astype(np.float32)

@@ -1,10 +1,10 @@
 """Entities in text, side by side with CRFsuite.
 
 The manual that ships with Python sets code in quotes: without the quotes, which words are code?
-Each sentence is a chain of words, seen as indicators (the word, its beginning, end and shape, its
-neighbours) and labelled as outside, first or further word of a piece of code. Both learn by L-BFGS
+Each sentence is a chain of words with indicators (the word, its beginning, end and shape, its
+neighbours), labelled as outside, first or further word of a piece of code. Both learn by L-BFGS
 from the same indicators and minimise the same objective: with CRFsuite's ``c2 = 1``, our ``C`` is
-the number of words over two, because it is the price of the mean word. F1 is of whole pieces of
+the number of words over two, because it is the price of the mean word. F1 is of complete pieces of
 code in 500 held-out sentences. Processor seconds on one thread, of the second run: of learning, and
 of labelling the 500 sentences, whose features are there. Needs ``pip install python-crfsuite``.
 """
@@ -47,7 +47,7 @@ def sentences() -> list[Sentence]:
 
 
 def indicators(words: Sentence, at: int) -> dict[str, float]:
-    """What is seen of a word."""
+    """The indicators of a word and its neighbours."""
     word = words[at][0]
     found = {
         f"word {word.lower()}": 1.0,
@@ -63,21 +63,21 @@ def indicators(words: Sentence, at: int) -> dict[str, float]:
 
 
 def f1_of_pieces(truths: list[NDArray[np.int64]], found: list[NDArray[np.int64]]) -> float:
-    """Harmonic mean of recall and precision of whole pieces."""
+    """Harmonic mean of recall and precision of complete pieces."""
 
     def pieces(labelings: list[NDArray[np.int64]]) -> set[tuple[int, int, int]]:
-        kept = set()
+        spans = set()
         for number, labels in enumerate(labelings):
             starts = [k for k, label in enumerate(labels) if label == 1]
             for start in starts:
                 end = start + 1
                 while end < len(labels) and labels[end] == 2:
                     end += 1
-                kept.add((number, start, end))
-        return kept
+                spans.add((number, start, end))
+        return spans
 
-    wanted, given = pieces(truths), pieces(found)
-    return 2 * len(wanted & given) / max(len(wanted) + len(given), 1)
+    true, predicted = pieces(truths), pieces(found)
+    return 2 * len(true & predicted) / max(len(true) + len(predicted), 1)
 
 
 def measured(work: Callable[[], Any]) -> tuple[Any, float]:
@@ -134,10 +134,10 @@ def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the table."""
     found = sentences()
     chosen = found[: 600 if quick else len(found)]
-    seen = [[indicators(words, at) for at in range(len(words))] for words in chosen]
+    described = [[indicators(words, at) for at in range(len(words))] for words in chosen]
     truths = [np.array([label for _, label in words]) for words in chosen]
     n_test = 100 if quick else N_TEST
-    train, test = seen[n_test:], seen[:n_test]
+    train, test = described[n_test:], described[:n_test]
     methods = {"ours, crf by likelihood": ours}
     if find_spec("pycrfsuite"):
         methods["CRFsuite"] = crfsuite

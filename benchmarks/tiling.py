@@ -1,4 +1,4 @@
-"""Huge maps: generated floors repeated side by side until a square is full."""
+"""Huge maps: a square tiled with copies of generated floors."""
 
 import numpy as np
 

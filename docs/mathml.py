@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw by themselves: nothing is fetched from a network."""
+"""Formulas as MathML, which browsers render without downloads."""
 
 import re
 

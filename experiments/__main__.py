@@ -27,10 +27,10 @@ TABLES = (OVERVIEW_TABLE, SUMMARY, *OF_THE_PAPER)
 
 
 def run_section(key: str, out: Path, *, write: bool) -> None:
-    """Rerun a section; if asked to, its record without pictures replaces the kept one."""
+    """Rerun a section; ``write`` replaces the recorded one, without pictures."""
     [section] = reproduce([key], out, sections=OF_THE_PAPER, again=True, progress=LineProgress())
     if not section.real:
-        sys.exit(f"section {key} did not find all of its real maps; the kept one stays")
+        sys.exit(f"section {key} did not find all of its real maps; its record is unchanged")
     if write:
         record = (out / key / RECORD).read_text(encoding="utf-8")
         (SECTIONS / key).mkdir(exist_ok=True)
@@ -45,7 +45,7 @@ def kept_sections() -> dict[str, Section]:
 
 
 def kept_tables() -> Iterator[tuple[str, str]]:
-    """The tables of what is kept, by the names in their marks."""
+    """The tables of the recorded sections, by the names in their marks."""
     sections = kept_sections()
     yield OVERVIEW_TABLE, paper_table(sections)
     yield SUMMARY, paper_table(sections)
@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"some of {', '.join(known)}; all by default",
     )
     found.add_argument(
-        "--compose", action="store_true", help="run nothing, write the tables of what is kept"
+        "--compose", action="store_true", help="run nothing, write the tables of recorded sections"
     )
     found.add_argument(
         "--out",
@@ -78,17 +78,17 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    """Run all, or those that are named, and write their tables."""
-    given = parser().parse_args()
-    if not os.environ.get("PGM_PLACES_DATA") and not given.compose:
+    """Run the named sections, or all, and write their tables."""
+    arguments = parser().parse_args()
+    if not os.environ.get("PGM_PLACES_DATA") and not arguments.compose:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
     groups = {OVERVIEW_TABLE: tuple(OF_THE_PAPER)}
-    names = given.names or [*OF_THE_PAPER]
+    names = arguments.names or [*OF_THE_PAPER]
     wanted = dict.fromkeys(each for name in names for each in groups.get(name, (name,)))
-    for name in () if given.compose else wanted:
+    for name in () if arguments.compose else wanted:
         print(f"== {name}", flush=True)
-        run_section(name, given.out, write=given.write_docs)
-    if given.write_docs or given.compose:
+        run_section(name, arguments.out, write=arguments.write_docs)
+    if arguments.write_docs or arguments.compose:
         for name, text in kept_tables():
             print(f"{name} in {write_table(name, text)}")
 

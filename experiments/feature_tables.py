@@ -1,4 +1,4 @@
-"""The tables of features in docs/features.md and docs/gates.md: their rows are the code's own."""
+"""The tables of features in docs/features.md and docs/gates.md, from the code's definitions."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -81,10 +81,10 @@ def _columns(first: int, last: int) -> str:
 
 
 def _parameters(specs: Sequence[FeatureSpec]) -> str:
-    """The parameters, a long run of whole numbers by its ends."""
+    """The parameters, a long run of integers by its ends."""
     values = [spec.parameter for spec in specs if spec.parameter is not None]
-    whole = all(isinstance(value, int) for value in values)
-    if whole and len(values) > LONG_RUN and values[-1] - values[0] == len(values) - 1:
+    are_integers = all(isinstance(value, int) for value in values)
+    if are_integers and len(values) > LONG_RUN and values[-1] - values[0] == len(values) - 1:
         return f"{values[0]}, {values[0] + 1}, ... {values[-1]}"
     return ", ".join(str(value) for value in values)
 

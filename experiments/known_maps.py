@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.kept import KeptArrays, fingerprint
+from experiments.array_cache import ArrayCache, fingerprint
 from experiments.paper.front_laser import PLACES, place_classes
 from pgm_places._version import __version__
 from pgm_places.io.maps.label_image import load_labels
@@ -106,16 +106,16 @@ class KnownMap:
         return f"{self.kind}, {self.source}"
 
 
-def known_maps(data: Path, kept: KeptArrays) -> Iterator[KnownMap]:
+def known_maps(data: Path, cache: ArrayCache) -> Iterator[KnownMap]:
     """Every labelled map of the real data with its robot-like copy, then the generated ones."""
     for number, known in enumerate([*real_maps(data), *_generated()]):
-        yield from _with_copy(known, number, kept)
+        yield from _with_copy(known, number, cache)
 
 
-def _with_copy(known: KnownMap, number: int, kept: KeptArrays) -> Iterator[KnownMap]:
+def _with_copy(known: KnownMap, number: int, cache: ArrayCache) -> Iterator[KnownMap]:
     yield known
     if known.source == DRAWN and known.kind in _COPIED:
-        yield _robot_like(known, number + 1, kept)
+        yield _robot_like(known, number + 1, cache)
 
 
 _COPIED = ("school", "office")
@@ -164,7 +164,7 @@ def _generated() -> Iterator[KnownMap]:
         yield KnownMap.of(item, style, GENERATED)
 
 
-def _robot_like(plan: KnownMap, seed: int, kept: KeptArrays) -> KnownMap:
+def _robot_like(plan: KnownMap, seed: int, cache: ArrayCache) -> KnownMap:
     """The map that a robot would have made of a drawn floor."""
 
     def make() -> dict[str, NDArray[np.generic]]:
@@ -174,7 +174,7 @@ def _robot_like(plan: KnownMap, seed: int, kept: KeptArrays) -> KnownMap:
         return {"cells": made.grid.cells, "labels": made.labels, "resolution": resolution}
 
     stem = fingerprint(__version__, seed, CELLS_M, plan.item.grid.cells, plan.finer)
-    found = kept.arrays(f"{stem}-robot-like", make)
+    found = cache.arrays(f"{stem}-robot-like", make)
     grid = OccupancyGrid(found["cells"], float(found["resolution"][0]))
     name = f"{plan.item.name}, simulated"
     item = LabelledMap(grid, found["labels"], None, name, plan.building)

@@ -118,7 +118,7 @@ class SideBySide:
     cell : str
         What an entry says, likewise: ``"{accuracy} / {balanced}"``.
     beside : mapping of str to str
-        Further entries beside it, each in a column of its own, by what heads that column.
+        Further entries, each in its own column, by the heading of that column.
     """
 
     down: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Maps of one floor, made again and again: ``python -m experiments.repeat FOLDER``.
+"""Repeatability: the labels of several maps of one floor: ``python -m experiments.repeat FOLDER``.
 
 FOLDER holds the maps (``*.yaml``), such as DATA/repeat/open_office. Each is labelled by the shipped
 model, registered to the map with the largest free area by its walls, and compared with every other
@@ -158,13 +158,13 @@ def main(argv: list[str] | None = None) -> None:
     )
     parser.add_argument("maps", type=Path, metavar="FOLDER")
     parser.add_argument("--kept", type=Path, help="folder for labels and transforms")
-    given = parser.parse_args(argv)
+    arguments = parser.parse_args(argv)
     labeler = trained_labeler()
-    grids = {path.stem: load_map(path).grid for path in sorted(given.maps.glob("*.yaml"))}
+    grids = {path.stem: load_map(path).grid for path in sorted(arguments.maps.glob("*.yaml"))}
     reference = max(grids, key=lambda name: int(grids[name].free.sum()))
     maps, corridor_m2 = [], []
     for name, grid in grids.items():
-        kept = None if given.kept is None else given.kept / f"{name}.npz"
+        kept = None if arguments.kept is None else arguments.kept / f"{name}.npz"
         if kept is not None and kept.exists():
             with np.load(kept) as file:
                 degrees, x, y = file["turn"].tolist()

@@ -1,4 +1,4 @@
-"""The tables of docs/results.md that come from finished sections, made short."""
+"""The short tables of docs/results.md from finished sections."""
 
 from collections.abc import Mapping
 
@@ -34,7 +34,7 @@ def section_tables(section: Section) -> str:
 
 
 def paper_table(sections: Mapping[str, Section]) -> str:
-    """The figures that the paper gives, beside ours."""
+    """The paper's figures and ours."""
     table = overview_table(list(sections.values()))
     shown = [k for k, name in enumerate(table.heading) if name != _BUILDINGS]  # all are real
     theirs = table.heading.index(PAPER_COLUMN)

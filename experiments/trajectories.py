@@ -1,6 +1,6 @@
-"""Every method on the drives of the configurations in ``experiments/drives``, as tables.
+"""Tables of all methods on the drives of the configurations in ``experiments/drives``.
 
-``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` prints them, or those that are named;
+``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` prints all, or the named ones;
 ``--write-docs`` renews them in docs/results.md. ``--kept FOLDER`` stores the results of each part,
 and of each graph of the part ``graphs``, so that an interrupted run resumes.
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from experiments.kept import fingerprint
+from experiments.array_cache import fingerprint
 from experiments.page_tables import SideBySide, parsed_tables, show_table, text_of, with_write_docs
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult, score_intervals
@@ -40,8 +40,8 @@ GRAPHS = (
 
 
 @dataclass(frozen=True)
-class KeptText:
-    """Named texts in files of a folder; nothing is kept where there is no folder.
+class TextCache:
+    """Cache of named texts in files of a folder; caches nothing without a folder.
 
     Parameters
     ----------
@@ -91,15 +91,15 @@ def _figures_of(found: Comparison, method: MethodResult) -> str:
     return text
 
 
-def graphs_table(kept: KeptText, names: tuple[str, ...] = DRIVES) -> str:
+def graphs_table(cache: TextCache, names: tuple[str, ...] = DRIVES) -> str:
     """Accuracy / balanced accuracy of every method on every graph, drives by drives."""
     lines = [f"| drives | method | {CHAIN} | {LOOPS} | {JOINT} |", "|---|---|---|---|---|"]
     for name in names:
-        lines += _rows(name, load_config(FOLDER / f"{name}.toml"), kept)
+        lines += _rows(name, load_config(FOLDER / f"{name}.toml"), cache)
     return "\n".join(lines)
 
 
-def _rows(name: str, config: ExperimentConfig, kept: KeptText) -> Iterator[str]:
+def _rows(name: str, config: ExperimentConfig, cache: TextCache) -> Iterator[str]:
     """A row per method; methods for chains have the first graph alone."""
     loopy = tuple(item for item in config.methods if item.name not in CHAINS_ONLY)
     variants = {CHAIN: config}
@@ -110,7 +110,7 @@ def _rows(name: str, config: ExperimentConfig, kept: KeptText) -> Iterator[str]:
     found = {}
     for graph, variant in variants.items():
         stem = f"{name}-{graph.replace(' ', '-')}-{fingerprint(variant)}"
-        text = kept.text(stem, partial(_figures, variant))
+        text = cache.text(stem, partial(_figures, variant))
         print(f"{config.title}, {graph}\n{text}", flush=True)
         found[graph] = dict(line.split("\t") for line in text.splitlines())
     for method in config.methods:
@@ -152,14 +152,14 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    """Run all parts, or those that are named, and write their tables."""
+    """Run the named parts, or all, and write their tables."""
     chosen = parser().parse_args()
     if not os.environ.get("PGM_PLACES_DATA"):
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
-    kept = KeptText(chosen.kept)
+    cache = TextCache(chosen.kept)
     parts: Mapping[str, Callable[[], str]] = {
-        "methods": lambda: kept.text("methods", lambda: methods_table("building79.toml")),
-        "graphs": lambda: graphs_shown(kept.text("graphs", lambda: graphs_table(kept))),
+        "methods": lambda: cache.text("methods", lambda: methods_table("building79.toml")),
+        "graphs": lambda: graphs_shown(cache.text("graphs", lambda: graphs_table(cache))),
     }
     for name in chosen.parts or TABLES:
         show_table(name, parts[name](), write=chosen.write_docs)

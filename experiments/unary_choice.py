@@ -1,4 +1,4 @@
-"""How well each unary does in buildings left out, by how many it learned from; and the choice.
+"""Choice of the unary: accuracy in held-out buildings by the number of training buildings.
 
 ``python -m experiments.unary_choice curve`` and ``... transfers`` renew two tables of
 docs/results.md from the real maps of ``$PGM_PLACES_DATA``, with cells of 0.2 m; ``--kept FOLDER``
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.kept import KeptArrays, fingerprint
+from experiments.array_cache import ArrayCache, fingerprint
 from experiments.known_maps import NAMES, real_maps
 from experiments.page_tables import text_of, write_table
 from experiments.paper.section import Table
@@ -51,7 +51,7 @@ def _coarse(item: LabelledMap) -> LabelledMap:
 
 
 def figures(
-    train: Sequence[LabelledMap], tests: Sequence[LabelledMap], kept: KeptArrays
+    train: Sequence[LabelledMap], tests: Sequence[LabelledMap], cache: ArrayCache
 ) -> Mapping[str, NDArray[np.float64]]:
     """(M, T, 2) accuracy and balanced accuracy of the methods on each test map; ``chosen`` (1,)."""
 
@@ -61,8 +61,8 @@ def figures(
             for name in METHODS
         }
         labeler = PlaceLabeler(NAMES, methods, max_examples_per_map=MAX_EXAMPLES)
-        cache = None if kept.folder is None else FeatureCache(kept.folder / "features")
-        labeler.fit(train, n_threads=1, feature_cache=cache)
+        feature_cache = None if cache.folder is None else FeatureCache(cache.folder / "features")
+        labeler.fit(train, n_threads=1, feature_cache=feature_cache)
         rates = np.empty((len(METHODS), len(tests), 2))
         for t, item in enumerate(tests):
             graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=1)
@@ -75,10 +75,10 @@ def figures(
         return {"rates": rates, "chosen": np.array([chosen])}
 
     names = [[item.name for item in part] for part in (train, tests)]
-    return kept.arrays(f"unary-choice-{fingerprint(METHODS, MAX_EXAMPLES, names)}", make)
+    return cache.arrays(f"unary-choice-{fingerprint(METHODS, MAX_EXAMPLES, names)}", make)
 
 
-def curve(data: Path, kept: KeptArrays) -> Table:
+def curve(data: Path, cache: ArrayCache) -> Table:
     """Accuracy and balanced accuracy on buildings left out, by the number of buildings."""
     maps, rows = maps_of(data), []
     rates: dict[int, list[NDArray[np.float64]]] = {n: [] for n in TRAINED}
@@ -87,7 +87,7 @@ def curve(data: Path, kept: KeptArrays) -> Table:
         for seed in range(REPEATS):
             order = np.random.default_rng(seed).permutation(len(maps)).tolist()
             tests = [maps[k] for k in order[:N_TESTS]]
-            found = figures([maps[k] for k in order[N_TESTS : N_TESTS + n]], tests, kept)
+            found = figures([maps[k] for k in order[N_TESTS : N_TESTS + n]], tests, cache)
             rates[n].append(found["rates"].mean(axis=1))
             chosen[n].append(METHODS[int(found["chosen"][0])])
             print(n, seed, chosen[n][-1], (100 * rates[n][-1]).round(1).tolist(), flush=True)
@@ -98,7 +98,7 @@ def curve(data: Path, kept: KeptArrays) -> Table:
     return Table("", heading, tuple(rows))
 
 
-def transfers(data: Path, kept: KeptArrays) -> Table:
+def transfers(data: Path, cache: ArrayCache) -> Table:
     """One or two single maps to every other building; auto against each fixed unary."""
     maps = maps_of(data)
     floors = [item for item in maps if item.name.startswith(("office_", "school_"))][::12]
@@ -108,7 +108,7 @@ def transfers(data: Path, kept: KeptArrays) -> Table:
         rates, chosen = [], []
         for train in combinations(judged, n):
             tests = [item for item in judged if item not in train]
-            found = figures(train, tests, kept)
+            found = figures(train, tests, cache)
             rates.append(found["rates"])
             chosen.append(METHODS[int(found["chosen"][0])])
             words = (100 * found["rates"].mean(axis=1)).round(1).tolist()
@@ -147,10 +147,10 @@ def parser() -> argparse.ArgumentParser:
 
 def main() -> None:
     """Renew one of the tables."""
-    given = parser().parse_args()
+    arguments = parser().parse_args()
     data = Path(os.environ.get("PGM_PLACES_DATA") or "../shared/data")
-    table = _PARTS[given.table](data, KeptArrays(given.kept))
-    print(write_table(f"unary-{given.table}", text_of([table])))
+    table = _PARTS[arguments.table](data, ArrayCache(arguments.kept))
+    print(write_table(f"unary-{arguments.table}", text_of([table])))
 
 
 if __name__ == "__main__":

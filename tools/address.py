@@ -1,4 +1,4 @@
-"""Write the repository's address into what a package index shows: README links, project.urls.
+"""Write the repository's address into package metadata: README links and project.urls.
 
 ``python tools/address.py https://host/owner/name TAG`` changes README.md and pyproject.toml in
 place; the release workflow runs it before it builds (docs/development.md). A checkout has relative

@@ -1,4 +1,4 @@
-"""Tells mypy which kernels there are and what they take: pgm_places/_core.pyi, by ``make core``."""
+"""Write pgm_places/_core.pyi, the type stub of the kernels, by ``make core``."""
 
 import re
 import subprocess

@@ -220,7 +220,7 @@ def _fill_with_desks(piece: Piece, room: NDArray[np.bool_], rng: np.random.Gener
 
 
 def coarsen(piece: Piece, rng: np.random.Generator) -> None:
-    """Cells of 0.1 or 0.2 m instead of smaller ones: free or not, and walls a whole cell thick."""
+    """Cells of 0.1 or 0.2 m instead of smaller ones: free or not, with walls one cell thick."""
     piece.free[:] = np.where((piece.free > 127) & (piece.occupied == 0), 255, 0)
     if rng.random() < 0.5:
         piece.occupied[::2, ::2] = np.maximum.reduce(

@@ -1,10 +1,10 @@
-"""Trains the networks that see the whole floor: ``python -m experiments.floor_network``.
+"""Training of the floor networks: ``python -m experiments.floor_network``.
 
 ``floors --kept FOLDER`` makes the training floors: maps that robots made, real and drawn floors,
 generated buildings, and robot-like copies of all drawn ones. ``train --kept FOLDER`` trains one
-network for each fold of buildings, which it never sees, in turn; it resumes where it stopped, and
+network for each held-out fold of buildings, in turn; it resumes where it stopped, and
 writes the learning curve to ``FOLDER/curve.csv``. ``measure --kept FOLDER`` labels every map of
-DATA/robots with the network that has not seen its building beside the shipped lists, and prints
+DATA/robots with the network that was not trained on its building and the shipped lists, and prints
 the figures by kind. ``ship --kept FOLDER`` puts the networks into the model ``default``. With
 ``--continued`` at every step, training starts from the first shipped network of the fold, and both
 networks are measured and shipped. Training needs the extra ``train``. PGM_PLACES_DATA names the

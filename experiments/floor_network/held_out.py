@@ -1,4 +1,4 @@
-"""Maps labelled with networks that have not seen their buildings, and the shipped networks."""
+"""Held-out scores: maps labelled by networks not trained on their building; shipped networks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Pictures of maps that robots made: the truth and the labels found, side by side."""
+"""Pictures of maps that robots made: the truth next to the labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -71,7 +71,7 @@ def load_building79(data: Path) -> Building79:
     folder = data / "freiburg079"
     grid = load_map(folder / "map.yaml").grid
     labels = load_labels(folder / "labels.png", PLACES, grid=grid)
-    whole = LabelledMap(grid, labels, name="building 79")
+    complete = LabelledMap(grid, labels, name="building 79")
     log = read_trajectory(folder / "laser.log.gz", range_max_m=NO_RETURN_M).trajectory
     path = log.transformed(_log_to_map(grid.shape[0]))
     with (folder / "scan_labels.csv").open(newline="", encoding="utf-8") as file:
@@ -80,15 +80,15 @@ def load_building79(data: Path) -> Building79:
     category = [
         CATEGORY_NAMES.index(CATEGORIES[row["category"]]) if row["category"] else -1 for row in rows
     ]
-    kept = np.random.default_rng(0).random(grid.shape) < CELLS_KEPT
+    chosen = np.random.default_rng(0).random(grid.shape) < CELLS_KEPT
     window = np.zeros(grid.shape, np.bool_)
     window[:, :CUT_COLUMN] = True
     return Building79(
         path.with_labels(np.array(place), PLACES),
         np.array(category),
         path.poses[:, 0] < CUT_COLUMN * grid.resolution_m,
-        whole,
-        LabelledMap(grid, np.where(kept, labels, -1).astype(np.int16), window, "left half"),
+        complete,
+        LabelledMap(grid, np.where(chosen, labels, -1).astype(np.int16), window, "left half"),
     )
 
 
@@ -194,7 +194,7 @@ def _building79(data: Path) -> tuple[list[Floor], list[Floor]]:
 
 
 def _classes() -> dict[str, str]:
-    """The categories of the polygons; those that the drive never saw have none."""
+    """The categories of the polygons; categories that the drive did not see have none."""
     return {"BA": "", "ST": "", "PA": "", "EV": "", "CF": "", "RL": "", "TR": "", **CATEGORIES}
 
 
@@ -218,8 +218,8 @@ def _scored(
     for k, item in enumerate(label):
         # One building has one set of objects, whichever part of it is labelled.
         seed = k if item.grid is learn[0].grid else 100 + k
-        seen = None if options is None else item.counts(options, seed)
-        scores.append(labeler.scores(item.drive, extra=seen, n_threads=n_threads))
+        counts = None if options is None else item.counts(options, seed)
+        scores.append(labeler.scores(item.drive, extra=counts, n_threads=n_threads))
     return scored_modes(labeler, [item.drive for item in label], scores)
 
 
@@ -252,13 +252,13 @@ def _pictures(floor: Floor, steps: ScoredSteps) -> dict[str, bytes]:
     half = replace(labeling, labels=labeling.labels[known], beliefs=beliefs)
     track = Track(drive.subset(known), half, floor.names)
     found = steps.evaluation.confusion
-    seen = np.flatnonzero(found.sum(axis=0) + found.sum(axis=1))
+    occurring = np.flatnonzero(found.sum(axis=0) + found.sum(axis=1))
     return {
         "true.png": path_map(floor.grid, positions, drive.labels, floor.names),
         "labelled.png": path_map(floor.grid, positions, shown, floor.names),
         "beliefs.png": belief_plot(track),
         "confusion.png": confusion_picture(
-            found[np.ix_(seen, seen)], [floor.names[k] for k in seen]
+            found[np.ix_(occurring, occurring)], [floor.names[k] for k in occurring]
         ),
     }
 

@@ -21,7 +21,7 @@ def reproduce(
     n_threads: int | None,
     quiet: bool,
 ) -> None:
-    """Run the sections that are named, or all, and say what they found beside the paper's."""
+    """Run the named sections, or all, and compare their figures with the paper's."""
     progress = make_progress(quiet=quiet)
     ids = chosen_sections(tuple(names), stockholm=stockholm is not None)
     stand_in = None in {data_for(SECTIONS[key], stockholm) for key in ids}

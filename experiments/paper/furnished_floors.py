@@ -73,10 +73,10 @@ class Floor:
         """Columns of the drive: the paper's objects, as seen by a simulated detector."""
         placed = place_objects(self.grid, self.labels, self.names, self.furnishing, seed=seed)
         detector = SimulatedDetector(self.grid, placed, RANGE_M, seed=seed, **options)  # type: ignore[arg-type]
-        seen = np.zeros((len(self.drive), len(PAPER_OBJECTS)), np.float32)
+        counts = np.zeros((len(self.drive), len(PAPER_OBJECTS)), np.float32)
         at = [PAPER_OBJECTS.index(name) for name in detector.object_names]
-        seen[:, at] = detector.count_along(self.drive.poses)
-        return seen
+        counts[:, at] = detector.count_along(self.drive.poses)
+        return counts
 
 
 def make_floor(seed: int) -> Floor:

@@ -45,7 +45,7 @@ def _figures(item: Finding) -> str:
 
 
 def markdown_page(sections: Sequence[Section]) -> str:
-    """The whole page; each section's pictures are expected in a folder beside it."""
+    """The page; each section's pictures are expected in a folder next to it."""
     parts = ["# The paper's experiments\n"]
     if not all(section.real for section in sections):
         parts.append(f"**{STAND_IN_WARNING}**\n")

@@ -1,4 +1,4 @@
-"""Running sections of the paper: finished ones are kept in a folder and not run again."""
+"""Running sections of the paper: finished ones are stored in a folder and not run again."""
 
 import json
 import time
@@ -42,7 +42,7 @@ def reproduce(
         Receives a folder per section, ``reproduce.md`` and ``reproduce.html``, and in ``kept`` what
         interrupted experiments resume from.
     sections : mapping of str to PaperSection
-        Those of the paper by default; pages list them in this order.
+        The paper's sections by default; pages list them in this order.
     again : bool
         Run finished sections again. Those from another version of the package or from other
         buildings are always run again.

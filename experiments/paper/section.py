@@ -77,7 +77,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Section:
-    """A finished section, ready for a page; its pictures lie beside it.
+    """A finished section, ready for a page; its pictures lie in its folder.
 
     Parameters
     ----------

@@ -160,8 +160,8 @@ class SimulatedDetector:
         towards = np.arctan2(offset[step, number, 1], offset[step, number, 0])
         rays = np.column_stack([poses[step, :2], towards])
         free = cast_poses(self.grid, rays, [0.0], max_range_m=self.range_m)[:, 0]
-        seen = free + DEPTH_M >= distance[step, number]
-        step, number, towards = step[seen], number[seen], towards[seen]
+        visible = free + DEPTH_M >= distance[step, number]
+        step, number, towards = step[visible], number[visible], towards[visible]
         axes = 2 * np.pi * np.arange(self.n_images) / self.n_images
         off = (towards - poses[step, 2])[:, None] - axes[None]
         off = (off + np.pi) % (2 * np.pi) - np.pi

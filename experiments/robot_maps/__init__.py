@@ -1,1 +1,1 @@
-"""Maps that robots made, of buildings that the shipped models never saw, measured by kind."""
+"""Evaluation on robots' maps of buildings outside the training data, by kind of building."""

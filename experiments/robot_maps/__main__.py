@@ -1,14 +1,14 @@
 """Maps that robots made, by kind of building: ``python -m experiments.robot_maps``.
 
 Every map of DATA/robots is labelled by the shipped model or by ``--model``. The lists of the
-shipped model never saw these buildings, its networks saw some: ``--lists-alone`` does without
-networks, and ``--held-out`` leaves out those that learned the building of a map. ``--maps floors``
+shipped model were not trained on these buildings, its networks on some: ``--lists-alone`` omits
+the networks, and ``--held-out`` the networks trained on the building of a map. ``--maps floors``
 and ``--maps real`` measure the drawn floors and the other real maps, which the shipped model has
 learned from. Halls count as corridors; the next column leaves out the cells that are halls in
 truth. ``--evidence MODULE:NAME`` puts log-probabilities of a map's cells in the place of the
 model's, before the method smooths them; see ``experiments/robot_maps/sources.py``. The means of a
 kind weigh maps by how sure their labels are; counts of doors and spaces are sums. ``--out FILE``
-keeps the figures of each map as CSV, ``--sheets FOLDER`` draws all maps beside their truth, and
+keeps the figures of each map as CSV, ``--sheets FOLDER`` draws all maps next to their truth, and
 ``--reliability`` prints how often cells, places and doors of one confidence are right.
 PGM_PLACES_DATA names the folder of the real maps, ``../shared/data`` by default.
 """
@@ -49,36 +49,36 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--worst", type=Path, help="a picture of the six worst maps")
     parser.add_argument("--sheets", type=Path, help="a folder for pictures of all maps, by kind")
     parser.add_argument("--reliability", action="store_true", help="confidence and what is right")
-    given = parser.parse_args(argv)
-    evidence = None if given.evidence is None else evidence_named(given.evidence)
-    labeler = trained_labeler(given.model)
-    if given.lists_alone:
+    arguments = parser.parse_args(argv)
+    evidence = None if arguments.evidence is None else evidence_named(arguments.evidence)
+    labeler = trained_labeler(arguments.model)
+    if arguments.lists_alone:
         labeler = lists_alone(labeler)
     data = data_folder() or Path("../shared/data")
-    of_map = shipped_without() if given.held_out else lambda _: labeler
-    maps = list(chosen_maps(data, given.maps))
+    of_map = shipped_without() if arguments.held_out else lambda _: labeler
+    maps = list(chosen_maps(data, arguments.maps))
     figures: list[MapFigures] = []
     pairs: list[LabelledPair] = []
     reliability = Reliability()
     with LineProgress().stage("maps") as stage:
         for known, weight in maps:
-            source = Source(of_map(known.item.name), given.method, evidence)
+            source = Source(of_map(known.item.name), arguments.method, evidence)
             found = source.label(known.item.grid)
             figures.append(measured(known, weight, found))
             pairs.append(LabelledPair(known, found.labels, figures[-1].cells.accuracy))
-            if given.reliability:
+            if arguments.reliability:
                 reliability.add(known, found)
             stage.update(len(figures) / len(maps), known.item.name)
     print(table(figures))
-    if given.reliability:
+    if arguments.reliability:
         print(f"\n{reliability.table()}")
-    if given.out is not None:
-        write_figures(given.out, figures)
-    if given.worst is not None:
-        write_sheet(given.worst, sorted(pairs, key=lambda pair: pair.accuracy)[:_WORST])
-    if given.sheets is not None:
-        given.sheets.mkdir(parents=True, exist_ok=True)
-        write_sheets(given.sheets, pairs)
+    if arguments.out is not None:
+        write_figures(arguments.out, figures)
+    if arguments.worst is not None:
+        write_sheet(arguments.worst, sorted(pairs, key=lambda pair: pair.accuracy)[:_WORST])
+    if arguments.sheets is not None:
+        arguments.sheets.mkdir(parents=True, exist_ok=True)
+        write_sheets(arguments.sheets, pairs)
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ class MapFigures:
     spaces: int
 
     def to_row(self) -> dict[str, Any]:
-        """The map's line of the table that is kept."""
+        """The map's row of the CSV table."""
         counts = {
             f"{part}_{name}": value
             for part in ("painted", "gates")

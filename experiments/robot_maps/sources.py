@@ -1,4 +1,4 @@
-"""What labels a map in the comparison: a model, with or without further evidence."""
+"""Sources of labels in the comparison: a model, with or without further evidence."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -60,10 +60,10 @@ class Source:
         """The labels that follow from the scores of a map."""
         name = self._name
         if self.evidence is not None:
-            said: dict[str, Any] = {
+            fields: dict[str, Any] = {
                 self.labeler.method(name).unary: self.evidence(grid, graph, scores)
             }
-            scores = replace(scores, **said)
+            scores = replace(scores, **fields)
         labeling = self.labeler.infer(graph, scores, method=name)
         doorways = None if scores.spaces is None else scores.spaces.doorways
         assert isinstance(graph.layout, GridLayout)  # the graph is that of a map
@@ -71,7 +71,7 @@ class Source:
 
 
 def lists_alone(labeler: PlaceLabeler) -> PlaceLabeler:
-    """The labeler without its networks: methods that see the whole floor see spaces instead."""
+    """The labeler without its networks: methods with floor networks use space features instead."""
     methods = {
         name: replace(method, unary="space") if method.unary == "floor" else method
         for name, method in labeler.methods_.items()

@@ -17,9 +17,11 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, help="maps in the layout of ipa_room_segmentation")
     parser.add_argument("--out", type=Path, default=Path("rooms"), help="folder of the tables")
     parser.add_argument("--threads", type=int)
-    given = parser.parse_args(argv)
+    arguments = parser.parse_args(argv)
     stored, results = stored_labeler("default"), []
-    for item in room_results(given.folder, stored.item, stored.rules, n_threads=given.threads):
+    for item in room_results(
+        arguments.folder, stored.item, stored.rules, n_threads=arguments.threads
+    ):
         results.append(item)
         rooms = item.rooms
         print(
@@ -30,10 +32,10 @@ def main(argv: list[str] | None = None) -> None:
         )
     tables = room_tables(results)
     text = "\n".join(f"{item.caption}:\n\n{markdown_table(item)}" for item in tables)
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "rooms.md").write_text(f"# Rooms\n\n{text}", encoding="utf-8")
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / "rooms.md").write_text(f"# Rooms\n\n{text}", encoding="utf-8")
     record = json.dumps([item.to_dict() for item in results], indent=1)
-    (given.out / "rooms.json").write_text(record + "\n", encoding="utf-8")
+    (arguments.out / "rooms.json").write_text(record + "\n", encoding="utf-8")
     print(f"\n{text}")
 
 

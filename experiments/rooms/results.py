@@ -136,5 +136,5 @@ def _percent(item: RoomResult) -> tuple[str, ...]:
     )
 
 
-def _share(part: int, whole: int) -> str:
-    return f"{100 * part / whole:.1f}" if whole else "-"
+def _share(part: int, total: int) -> str:
+    return f"{100 * part / total:.1f}" if total else "-"

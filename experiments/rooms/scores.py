@@ -41,7 +41,7 @@ class RoomScores:
 
 @dataclass(frozen=True)
 class DoorCounts:
-    """Doors of one map: true ones, those of them that are found, found ones, those that are true.
+    """Doors of one map: true doors, recalled ones, found doors, correct ones.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class DoorCounts:
 def score_rooms(true: NDArray[np.int32], found: NDArray[np.int32]) -> RoomScores:
     """The figures of rooms (H, W) numbered from 0, -1 for none; those of 100 cells are left out.
 
-    Recall and precision are those that Bormann et al. call the average of individual ones.
+    Recall and precision are the average of individual ones of Bormann et al.
 
     Examples
     --------

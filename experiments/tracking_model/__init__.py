@@ -1,1 +1,1 @@
-"""The shipped tracking model: drives simulated in all buildings, and what they teach."""
+"""The shipped tracking model: training on drives simulated in all buildings."""

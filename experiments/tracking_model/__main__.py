@@ -3,8 +3,8 @@
 ``PGM_PLACES_DATA=DATA python -m experiments.tracking_model --kept FOLDER`` simulates a drive in
 every labelled map, keeps what it shows in the folder, writes the model to
 pgm_places/trained/tracking and the tables in docs/results.md; with ``--model`` only the model,
-or only the tables that are named. ``--networks FOLDER``, that of ``python -m
-experiments.floor_network``, gives the networks that have not seen a town for its own table.
+or only the named tables. ``--networks FOLDER``, that of ``python -m
+experiments.floor_network``, has networks that were not trained on a town, for a table of their own.
 """
 
 import argparse
@@ -12,12 +12,11 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
+from experiments.array_cache import ArrayCache
 from experiments.floor_network.floors import all_floors, fold_of
 from experiments.floor_network.held_out import networks
-from experiments.kept import KeptArrays
 from experiments.known_maps import known_maps
 from experiments.page_tables import show_table, with_write_docs
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
@@ -92,19 +91,19 @@ def networks_of_towns(data: Path, folder: Path) -> dict[str, FloorModel]:
 
 
 def tables(
-    table: Table, data: Path, kept: KeptArrays, folder: Path | None
+    table: Table, data: Path, cache: ArrayCache, folder: Path | None
 ) -> Mapping[str, Callable[[], str]]:
     """The tables by their names; every figure is from buildings left out."""
     found = cache(lambda: list(floor_answers(table)))
     written = {
         "floors": lambda: floors_table(found()),
         "lasers": lambda: lasers_table(found()),
-        "real": lambda: real_table(table, data, kept),
+        "real": lambda: real_table(table, data, cache),
     }
     if folder is None:
         return written
     known = networks_of_towns(data, folder)
-    return written | {"real_networks": lambda: real_table(table, data, kept, networks=known)}
+    return written | {"real_networks": lambda: real_table(table, data, cache, networks=known)}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -131,12 +130,12 @@ def main() -> None:
         )
     if chosen.kept is not None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
-    kept = KeptArrays(chosen.kept)
-    maps = known_maps(Path(data), kept)
-    table = Table.of(simulated_drives(maps, kept))
+    cache = ArrayCache(chosen.kept)
+    maps = known_maps(Path(data), cache)
+    table = Table.of(simulated_drives(maps, cache))
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))
-    written = tables(table, Path(data), kept, chosen.networks)
+    written = tables(table, Path(data), cache, chosen.networks)
     for name in chosen.parts or (() if chosen.model else written):
         text = written[name]()
         show_table(f"tracking_{name}", text, write=chosen.write_docs)

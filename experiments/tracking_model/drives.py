@@ -1,4 +1,4 @@
-"""Drives simulated in every labelled map, each with a laser of its own, and what they show."""
+"""Simulated drives in every labelled map, each with another laser, and their features."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.kept import KeptArrays, fingerprint
+from experiments.array_cache import ArrayCache, fingerprint
 from experiments.known_maps import GENERATED, NAMES, KnownMap
 from pgm_places._version import __version__
 from pgm_places.labelers.trajectory_labeler import REACH_M
@@ -88,7 +88,7 @@ class Observed:
     circles_m : (n, 360) float32
     spaces : (n, F) float32
     floor : (n, K) float64 or None
-        What networks that see the whole floor say, where they were asked.
+        Log-probabilities of the floor networks, if requested.
     """
 
     name: str
@@ -118,7 +118,7 @@ class Observed:
 def simulated_drive(
     known: KnownMap,
     number: int,
-    kept: KeptArrays,
+    cache: ArrayCache,
     laser: Laser | None = None,
     length_m: float = LENGTH_M,
 ) -> Observed:
@@ -133,7 +133,7 @@ def simulated_drive(
         return path.labelled_by(known.item, NAMES)
 
     stem = fingerprint(number, chosen, length_m, known.item.grid.cells, known.item.labels)
-    return observed(known.item, known.group, chosen, drive, kept, stem, known.source == GENERATED)
+    return observed(known.item, known.group, chosen, drive, cache, stem, known.source == GENERATED)
 
 
 def observed(
@@ -141,7 +141,7 @@ def observed(
     group: str,
     laser: Laser,
     drive: Callable[[], Trajectory],
-    kept: KeptArrays,
+    cache: ArrayCache,
     stem: str,
     generated: bool = False,
     all_steps: bool = False,
@@ -155,21 +155,23 @@ def observed(
     def make() -> dict[str, NDArray[np.generic]]:
         path = drive()
         assert path.labels is not None
-        seen = observed_along(path, SENSOR, BEAMS, floor=floor)
+        observations = observed_along(path, SENSOR, BEAMS, floor=floor)
         steps = np.arange(len(path)) if all_steps else PathSegments(path.poses, EVERY_M).first
         if not all_steps:
             steps = steps[path.labels[steps] >= 0]
         shown: dict[str, NDArray[Any]] = {
             "poses": path.poses[steps],
             "labels": path.labels[steps],
-            "circles": seen.circles_m[steps],
-            "spaces": seen.spaces[steps],
+            "circles": observations.circles_m[steps],
+            "spaces": observations.spaces[steps],
         }
-        return shown if seen.floor is None else {**shown, "floor": seen.floor[steps]}
+        return (
+            shown if observations.floor is None else {**shown, "floor": observations.floor[steps]}
+        )
 
     networks = () if floor is None else (floor.networks[0].packed(), floor.shares)
     key = fingerprint(__version__, stem, BEAMS, SENSOR, all_steps, *networks)
-    found = kept.arrays(f"{key}-drive", make)
+    found = cache.arrays(f"{key}-drive", make)
     parts: list[Any] = [
         found.get(name) for name in ("poses", "labels", "circles", "spaces", "floor")
     ]
@@ -177,10 +179,10 @@ def observed(
     return Observed(item.name, building, group, laser, generated, *parts)
 
 
-def simulated_drives(maps: Iterator[KnownMap], kept: KeptArrays) -> list[Observed]:
+def simulated_drives(maps: Iterator[KnownMap], cache: ArrayCache) -> list[Observed]:
     """A drive through each map."""
     found = []
     for number, known in enumerate(maps):
-        found.append(simulated_drive(known, number, kept))
+        found.append(simulated_drive(known, number, cache))
         print(f"{number}: {known.item.name}, {len(found[-1].labels)} steps", flush=True)
     return found

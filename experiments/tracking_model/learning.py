@@ -1,4 +1,4 @@
-"""What the drives teach: the list of trees, and how a robot moves between places."""
+"""Training on the drives: the list of trees, and the transitions between places."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

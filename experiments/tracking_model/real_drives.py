@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.kept import KeptArrays, fingerprint
+from experiments.array_cache import ArrayCache, fingerprint
 from experiments.known_maps import CELLS_M
 from experiments.paper.categories import load_building79
 from experiments.paper.front_laser import PLACES, STEP_M, load_cold_folder, place_classes
@@ -32,7 +32,7 @@ def in_lobby(drive: Observed) -> NDArray[np.bool_]:
     return (drive.labels == PLACES.index("corridor")) & (drive.poses[:, 1] > beyond)
 
 
-def log_of_79(data: Path, kept: KeptArrays, floor: FloorModel | None = None) -> Observed:
+def log_of_79(data: Path, cache: ArrayCache, floor: FloorModel | None = None) -> Observed:
     """What the real front laser of building 79's log shows at every step, to networks, too."""
     found = load_building79(data)
     geometry = found.path.geometry
@@ -42,11 +42,11 @@ def log_of_79(data: Path, kept: KeptArrays, floor: FloorModel | None = None) -> 
     path = found.path.with_labels(found.place, PLACES)
     stem = fingerprint("log of building 79", path.poses, path.labels)
     group = "building 79, real log"
-    return observed(item, group, laser, lambda: path, kept, stem, all_steps=True, floor=floor)
+    return observed(item, group, laser, lambda: path, cache, stem, all_steps=True, floor=floor)
 
 
 def cold_drives(
-    data: Path, town: str, kept: KeptArrays, floor: FloorModel | None = None
+    data: Path, town: str, cache: ArrayCache, floor: FloorModel | None = None
 ) -> Iterator[Observed]:
     """What every run in a town shows at its recorded positions, and every tenth of a metre between.
 
@@ -57,7 +57,7 @@ def cold_drives(
         for number, run in enumerate(runs):
             stem = fingerprint(number, FRONT, run.poses, known.grid.cells)
             drive = partial(_with_scans, known.grid, run, number)
-            yield observed(known, town, FRONT, drive, kept, stem, all_steps=True, floor=floor)
+            yield observed(known, town, FRONT, drive, cache, stem, all_steps=True, floor=floor)
 
 
 def _with_scans(grid: OccupancyGrid, run: Trajectory, number: int) -> Trajectory:

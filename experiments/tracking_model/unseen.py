@@ -1,4 +1,4 @@
-"""Drives in buildings left out: single scans, filter and smoother, by building and by laser."""
+"""Drives in held-out buildings: single scans, filter and smoother, by building and by laser."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.kept import KeptArrays
+from experiments.array_cache import ArrayCache
 from experiments.known_maps import NAMES
 from experiments.tracking_model.drives import Observed
 from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table, folds, learned
@@ -23,11 +23,11 @@ WAYS = {
     "semi-Markov filter": (METHOD, "filter"),
     "semi-Markov smoother": (METHOD, "smooth"),
 }
-"""Methods and their modes, beside single scans."""
+"""Methods and their modes, compared with single scans."""
 
 ALONE = "single scans"
 SHARE = 0.7
-"""Weight of the networks beside the list of scans, chosen in an earlier study."""
+"""Weight of the networks relative to the list of scans, chosen in an earlier study."""
 
 TOWNS = {"freiburg": "Freiburg 79", "saarbrucken": "Saarbrücken"}
 
@@ -143,25 +143,25 @@ def _by_laser(some: Sequence[Answer], way: str) -> Iterator[str]:
 def real_table(
     table: Table,
     data: Path,
-    kept: KeptArrays,
+    cache: ArrayCache,
     networks: Mapping[str, FloorModel] | None = None,
 ) -> str:
     """Drives of real robots: the COLD campaign with one town left out, and the log of building 79.
 
     Nothing of Freiburg's building 79, the campaign's building there, is learned from for either
     of the two; nothing of the campaign's other building for the rows of Saarbruecken. ``networks``
-    are, for each building, those that have not seen it.
+    are, for each building, the ones not trained on it.
     """
     lines = [f"| drives | {HEAD}", RULE]
     for town, building in TOWNS.items():
         floor = None if networks is None else networks[building]
         found = learned(table.only([item.building != building for item in table.drives]))
-        some = list(answers(found, list(cold_drives(data, town, kept, floor))))
+        some = list(answers(found, list(cold_drives(data, town, cache, floor))))
         lines.append(_row(f"COLD {building.split()[0]}, simulated front laser", some))
         if town == "saarbrucken":
             lines.append(_row("the same without the lobby", some, in_lobby))
             lines.append(_row("the lobby alone", some, lambda drive: ~in_lobby(drive)))
         else:
-            log = list(answers(found, [log_of_79(data, kept, floor)]))
+            log = list(answers(found, [log_of_79(data, cache, floor)]))
             lines.append(_row("log of building 79, real front laser", log))
     return "\n".join(lines)

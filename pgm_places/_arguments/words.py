@@ -40,15 +40,15 @@ _MADE_BY = {
 
 
 def refused(
-    function: Any, name: str, given: Mapping[str, Any], error: type[InputError]
+    function: Any, name: str, arguments: Mapping[str, Any], error: type[InputError]
 ) -> InputError:
     """The error of an argument: one line with the accepted type, the value, and a hint."""
-    hint, value = hints_of(function)[name], given[name]
+    hint, value = hints_of(function)[name], arguments[name]
     is_option = any(
         marks_of(arm) or typing.get_origin(arm) is Literal for arm in union_members(hint)
     )
     problem = f"must be {words(hint)}, got {described(value)}"
-    problem += _swapped(function, name, given) or _what_to_do(hint, value)
+    problem += _swapped(function, name, arguments) or _what_to_do(hint, value)
     return OptionError(name, problem) if is_option else error(f"{name} {problem}")
 
 
@@ -57,12 +57,12 @@ def too_many(
 ) -> InputError:
     """The error of more positional arguments than a function has parameters for them."""
     own = [name for name in names if name not in ("self", "cls")]
-    given = tuple(args[len(names) - len(own) :])
-    is_size = len(own) == 1 and all(isinstance(item, numbers.Integral) for item in given)
-    hint = f"write one tuple: {given}" if is_size else "give the others by name"
+    passed = tuple(args[len(names) - len(own) :])
+    is_size = len(own) == 1 and all(isinstance(item, numbers.Integral) for item in passed)
+    hint = f"write one tuple: {passed}" if is_size else "give the others by name"
     return error(
         f"{function.__qualname__.removesuffix('.__init__')} takes {len(own)} positional "
-        f"argument{'' if len(own) == 1 else 's'} ({', '.join(own)}), got {len(given)}; {hint}"
+        f"argument{'' if len(own) == 1 else 's'} ({', '.join(own)}), got {len(passed)}; {hint}"
     )
 
 

@@ -41,8 +41,8 @@ def run_follow(options: TrackOptions) -> None:
     stored = stored_model(options)
     if stored.kind == "joint-labeler":
         raise ConfigError(
-            "--follow labels scan by scan, but this model labels a whole drive together with its "
-            "map; track the complete log without --follow"
+            "--follow labels scan by scan, but this model labels a complete drive together with "
+            "its map; track the complete log without --follow"
         )
     inputs = TrackInputs.of(stored, options, progress)
     if log.suffix.lower() == ".csv":  # poses without scans

@@ -292,7 +292,7 @@ def _labeler(stored: Stored, options: TrackOptions) -> pp.JointLabeler:
     if options.mode != "filter":
         raise ConfigError(
             f"--mode {options.mode} is for hidden Markov models; this model's method is "
-            f"{type(labeler.method_).__name__}, which labels whole drives"
+            f"{type(labeler.method_).__name__}, which labels complete drives"
         )
     if options.map_labels is not None:
         raise ConfigError(

@@ -78,7 +78,7 @@ class FeatureConfig(Options):
 
 @dataclass(frozen=True)
 class FloorOptions(Options):
-    """Whether the networks that see the whole floor learn from the training maps.
+    """Whether the floor networks learn from the training maps.
 
     Parameters
     ----------

@@ -104,8 +104,8 @@ class ObjectCounts:
 
     Examples
     --------
-    >>> seen = ObjectCounts([0.0, 2.0], [[0, 1], [3, 0]], ("monitor on", "coffee machine"))
-    >>> seen.at([0.1, 1.2, 60.0], within_s=5.0).tolist()
+    >>> counts = ObjectCounts([0.0, 2.0], [[0, 1], [3, 0]], ("monitor on", "coffee machine"))
+    >>> counts.at([0.1, 1.2, 60.0], within_s=5.0).tolist()
     [[0.0, 1.0], [3.0, 0.0], [0.0, 0.0]]
     """
 

@@ -185,7 +185,7 @@ def infer_further(
 # Decoders that label each tree of a forest as if it were alone.
 EXACT_ON_FORESTS = ("max-product", "sum-product", "exact")
 
-# Edge features that need kinds of edges, or whose units depend on the whole graph.
+# Edge features that need kinds of edges, or whose units depend on the complete graph.
 WHOLE_GRAPH_FEATURES = {"diagonal", "kind", "raw-difference"}
 
 
@@ -193,7 +193,7 @@ def label_many(backend: Any, problems: Sequence[LabelingProblem]) -> list[Labeli
     """The labelling of each problem by a method, such as ``build("crf").fit(...)``.
 
     Networks and fields (``amn``, ``crf``) label graphs without cycles in one call, if the decoder
-    is exact on them and no edge feature depends on the whole graph (as ``raw-difference`` does).
+    is exact on them and no edge feature depends on the complete graph (as ``raw-difference`` does).
     Labels and beliefs are equal up to rounding, at a fraction of the time; score, bound and
     ``info`` are omitted. Other problems are labelled one by one.
     """

@@ -101,8 +101,8 @@ def filter_of(labeler: Any, map_prior: MapPrior | None = None) -> BeliefFilter:
     """The filter of a fitted TrajectoryLabeler with a hidden Markov model as method."""
     if not isinstance(labeler.method_, HiddenMarkovModel):
         raise InputError(
-            f"{type(labeler.method_).__name__} labels whole trajectories; online labelling needs "
-            "the method 'hmm'"
+            f"{type(labeler.method_).__name__} labels complete trajectories; online labelling "
+            "needs the method 'hmm'"
         )
     if map_prior is not None:
         map_prior.check_labels(labeler.label_names_)

@@ -43,7 +43,7 @@ def explanation_lines(found: CellExplanation) -> list[str]:
     if found.gate_probability is not None:
         lines.append(f"doorway here: {_gate_text(found)}")
     if found.networks is not None:
-        lines.append(f"networks that see the whole floor: {_shares(found.networks)}")
+        lines.append(f"floor networks: {_shares(found.networks)}")
     if found.doorway_log_odds:
         added = f"{found.doorway_log_odds:+.2f} to the log-odds of a doorway"
         lines.append(f"where the accepted gates are: {added}")

@@ -36,11 +36,11 @@ def edit_summary(before: TopologicalMap, after: TopologicalMap) -> str:
     olds, news = ({item.id for item in places.regions} for places in (before, after))
     parts, gone = dict[int, list[str]](), dict[int, list[str]]()
     for item in after.regions:
-        if item.id not in olds and (whole := before.region_at(*item.anchor_m)):
-            parts.setdefault(whole.id, []).append(_with_area(item))
+        if item.id not in olds and (origin := before.region_at(*item.anchor_m)):
+            parts.setdefault(origin.id, []).append(_with_area(item))
     for item in before.regions:
-        if item.id not in news and (whole := after.region_at(*item.anchor_m)):
-            gone.setdefault(whole.id, []).append(item.name)
+        if item.id not in news and (target := after.region_at(*item.anchor_m)):
+            gone.setdefault(target.id, []).append(item.name)
     lines = [
         f"{before.place(number).name} was split into "
         + ", ".join([_with_area(after.place(number)), *names])

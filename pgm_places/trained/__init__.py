@@ -77,7 +77,7 @@ def stored_labeler(name: str | Path = DEFAULT) -> "Stored":
 
 
 def trained_floor() -> "FloorModel":
-    """The networks that see the whole floor, of the model ``default``.
+    """The floor networks of the model ``default``.
 
     Examples
     --------

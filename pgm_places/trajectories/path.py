@@ -92,7 +92,7 @@ class DistanceTrigger:
 
 
 class PathSegments:
-    """The segments of a whole trajectory, from poses (T, 2) or (T, 3) in metres.
+    """The segments of a complete trajectory, from poses (T, 2) or (T, 3) in metres.
 
     A segment ends before the first step at the distance ``every_m`` from its own first step.
 
@@ -188,7 +188,7 @@ class PathLayout:
         raster = np.full(self.shape, -1, np.int32)
         positions, steps = self._dense()
         cells = self.grid.cells_at_m(positions)
-        for offset in self._brush():  # a brush of many cells, each painted along the whole path
+        for offset in self._brush():  # a brush of many cells, each painted along the path
             at = cells + offset
             inside = ((at >= 0) & (at < self.shape)).all(axis=1)
             rows, columns = at[inside].T

@@ -111,13 +111,13 @@ def _covered(gates: Gates, points_m: NDArray[np.float64]) -> float:
 
 
 def _line(
-    grid: OccupancyGrid, seen: FloorScores, points: NDArray[np.float64]
+    grid: OccupancyGrid, scores: FloorScores, points: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """(m, 2) places every half cell along the surest line through one of the points."""
     directions = chord_directions()
     n_steps = int(np.ceil(2 * _MOST_WIDTH_M / grid.resolution_m))
-    there = _Rays.of(grid, seen, points, directions, n_steps)
-    back = _Rays.of(grid, seen, points, -directions, n_steps)
+    there = _Rays.of(grid, scores, points, directions, n_steps)
+    back = _Rays.of(grid, scores, points, -directions, n_steps)
     n = there.length + back.length - 1
     sure = (there.total + back.total - there.first) / n
     width_m = n * grid.resolution_m / 2

@@ -61,9 +61,12 @@ class HallNames:
         labels, beliefs = labeling.labels.copy(), labeling.beliefs
         labels[(labels == corridor) & (share > 0.5)] = to
         if beliefs is not None:
-            given, beliefs = beliefs, np.zeros((len(labels), len(self.shown(halls))), beliefs.dtype)
-            beliefs[:, : given.shape[1]] = given
-            moved = given[:, corridor] * share
+            folded, beliefs = (
+                beliefs,
+                np.zeros((len(labels), len(self.shown(halls))), beliefs.dtype),
+            )
+            beliefs[:, : folded.shape[1]] = folded
+            moved = folded[:, corridor] * share
             beliefs[:, corridor] -= moved
             beliefs[:, to] += moved
         return replace(labeling, labels=labels, beliefs=beliefs)

@@ -195,7 +195,7 @@ class UnaryModel:
             lists.append(ContextScorer(second, n_own, n, self.n_labels))
         spaces, doorways, around, floor_scores = None, None, None, None
         if "floor" in unaries and self.floor is not None:
-            with report_stage("the whole floor"):
+            with report_stage("floor networks"):
                 floor_scores = self.floor_scores(grid, own)
         halls = self.knows_halls and (with_halls or sees_spaces(unaries))
         if self.space is not None and (sees_spaces(unaries) or halls):

@@ -122,10 +122,10 @@ def test_a_finer_map_is_labelled_at_the_resolution_of_the_model() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--mode", "smooth"], "this model's method is PottsField, which labels whole drives"),
+        (["--mode", "smooth"], "this model's method is PottsField, which labels complete drives"),
         (["--map-labels", "labelled"], "pass --map instead"),
         (["--counts", "counts.csv"], "this model uses the laser only"),
-        (["--follow"], "labels a whole drive together with its map"),
+        (["--follow"], "labels a complete drive together with its map"),
         (["--every", "-1"], "--every"),
         (["--beams", "rear"], "--beams"),
     ],

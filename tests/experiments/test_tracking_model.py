@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.kept import KeptArrays
+from experiments.array_cache import ArrayCache
 from experiments.known_maps import GENERATED, NAMES, KnownMap
 from experiments.tracking_model.drives import Laser, Observed, simulated_drive
 from experiments.tracking_model.learning import Table, folds, learned
@@ -73,7 +73,7 @@ def test_the_lobby_is_corridor_in_one_part_of_two_maps() -> None:
 
 @pytest.mark.parametrize("kept", [None, "folder"])
 def test_what_drives_show_can_be_learned_from(kept: str | None, tmp_path: Path) -> None:
-    store = KeptArrays(None if kept is None else tmp_path)
+    store = ArrayCache(None if kept is None else tmp_path)
     drives = []
     for seed in (1, 3):
         building = generate_building(seed, size="small", resolution_m=0.1)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from experiments.trajectories import KeptText
+from experiments.trajectories import TextCache
 
 
 def test_a_text_is_made_once_where_there_is_a_folder(tmp_path: Path) -> None:
@@ -12,8 +12,8 @@ def test_a_text_is_made_once_where_there_is_a_folder(tmp_path: Path) -> None:
         made.append(1)
         return "| a | b |\n"
 
-    kept = KeptText(tmp_path / "kept")
-    assert kept.text("table", make) == KeptText(tmp_path / "kept").text("table", make)
+    cache = TextCache(tmp_path / "kept")
+    assert cache.text("table", make) == TextCache(tmp_path / "kept").text("table", make)
     assert len(made) == 1
-    assert KeptText().text("table", make) == "| a | b |\n"
+    assert TextCache().text("table", make) == "| a | b |\n"
     assert len(made) == 2

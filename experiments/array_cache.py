@@ -1,4 +1,4 @@
-"""Arrays that an experiment keeps on disk, so that it resumes where it stopped."""
+"""Cache of arrays on disk, so that an interrupted experiment resumes where it stopped."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
-class KeptArrays:
-    """Named arrays in files of a folder; nothing is kept where there is no folder.
+class ArrayCache:
+    """Cache of named arrays in files of a folder; caches nothing without a folder.
 
     Parameters
     ----------
