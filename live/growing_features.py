@@ -187,8 +187,8 @@ def _changed(
         for grid, corner in ((old, shift - low), (new, -low))
     )
     changed = before != after
-    beside = binary_dilation(~before & ~changed, np.ones((3, 3), np.bool_))
-    return np.argwhere(changed & beside) + low, int(changed.sum())
+    at_border = binary_dilation(~before & ~changed, np.ones((3, 3), np.bool_))
+    return np.argwhere(changed & at_border) + low, int(changed.sum())
 
 
 def _squares(cells_rc: NDArray[np.int64]) -> NDArray[np.float64]:

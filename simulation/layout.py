@@ -11,8 +11,8 @@ from pgm_places.simulation.style import Span, Style
 
 _HALL_LENGTHS: tuple[Span, ...] = ((310, 520), (520, 800), (800, 1100), (1100, 1700))
 _HALL_DEPTHS: tuple[Span, ...] = ((150, 300), (300, 500), (500, 750))
-"""Lengths of halls along their corridor and depths beside it. Those of the real floors have 11 to
-200 m2 and are 2.5 to 17 m wide, 10 to 90 % (Nov 2026)."""
+"""Lengths of halls along their corridor and depths at right angles to it. Halls of the real floors
+have 11 to 200 m2 and are 2.5 to 17 m wide, 10 to 90 % (Nov 2026)."""
 
 _WALL_CM = 20
 

@@ -114,7 +114,7 @@ class Site:
             start = end
 
     def enlarged(self, dice: Dice, frontage: Frontage, room: Rect, back: int) -> Rect:
-        """The room, mostly enlarged by free space behind and beside it; its front stays.
+        """The room, mostly enlarged by free space behind it and at its sides; its front stays.
 
         If the space behind it is free, it ends with the others of its row, ``back`` cells from the
         corridor.
@@ -231,7 +231,7 @@ def _add_inner_rooms(dice: Dice, style: Style, frontage: Frontage, row: FloorPla
 
 
 def _inner_room(dice: Dice, frontage: Frontage, room: Rect, doors: list[Door]) -> FloorPlan:
-    """A small room in a front corner of a room, where there is space beside its doors."""
+    """A small room in a front corner of a room, where there is space next to its doors."""
     u0, u1, v0, v1 = frontage.extent(room)
     wide, deep = dice.length(140, 200), dice.length(150, 260)
     wall, clear = dice.cells(10), dice.cells(25)

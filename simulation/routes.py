@@ -26,7 +26,7 @@ _AGAIN = 4
 """Later routes also visit one of this number of stops in corridors of the other routes."""
 
 _NEAR_CM = 60
-"""Greatest distance from a stop beside furniture to the cell from which it is visited."""
+"""Greatest distance from a stop next to furniture to the cell from which it is visited."""
 
 
 @dataclass(frozen=True, eq=False)

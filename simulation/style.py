@@ -27,7 +27,7 @@ class RoomSizes(NamedTuple):
     large_depth: Span
     """and those of more."""
     deepest: int
-    """Space for rooms beside a corridor."""
+    """Space for rooms along a corridor."""
 
 
 _OFFICE_FRONTS = ((280, 360), (300, 420), (320, 420), (450, 640), (650, 900))

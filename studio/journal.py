@@ -1,7 +1,7 @@
 """The journal: an append-only file with a line per edit, on the disk before it is shown.
 
-Nothing is ever changed in it, so there is always a way back, and whatever ends the process loses at
-most the line that was just being written.
+Lines are never changed, so that every edit can be undone. If the process is killed, at most the
+last line is lost.
 """
 
 import json

@@ -121,8 +121,8 @@ def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
         return False
     window, line = mask_of_runs(runs, grid.shape, int(np.ceil(AROUND_M / grid.resolution_m)))
     pieces = connected_components(grid.free[window] & ~line & ~limits.doorways(*window))
-    beside = pieces.piece[binary_dilation(line, np.ones((3, 3), np.bool_))]
-    touching = np.unique(beside[beside >= 0])
+    near = pieces.piece[binary_dilation(line, np.ones((3, 3), np.bool_))]
+    touching = np.unique(near[near >= 0])
     large = pieces.size[touching] * grid.resolution_m**2 >= LEAST_M2
     return bool(large.sum() >= 2)
 

@@ -14,7 +14,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-import core  # beside this file
+import core  # in the same folder
 from scikit_build_core import build as scikit
 from scikit_build_core.build import (
     build_sdist,

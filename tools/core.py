@@ -23,7 +23,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from stub import write_stub  # beside this file
+from stub import write_stub  # in the same folder
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / f"core-{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
@@ -51,7 +51,7 @@ def compiler_requirements() -> list[str]:
 
 @contextmanager
 def compiler(python: str = sys.executable) -> Iterator[None]:
-    """Where no C++ compiler is found, have CMake take the zig installed beside ``python``."""
+    """Where no C++ compiler is found, have CMake take the zig installed next to ``python``."""
     if has_compiler():
         yield
         return
@@ -120,7 +120,7 @@ def compile_in_place(python: str, *, tools: str = sys.executable) -> None:
 
 
 def built(python: str, tools: str, folder: Path, *options: str) -> Path:
-    """The module for ``python``, made in a folder with what is installed beside ``tools``."""
+    """The module for ``python``, made in a folder with the packages next to ``tools``."""
     folder.mkdir(parents=True, exist_ok=True)
     configure = ["cmake", "-S", ROOT, "-B", folder, f"-DPython_EXECUTABLE={python}", *options]
     configure += [f"-Dnanobind_DIR={_nanobind(tools)}", "-DCMAKE_BUILD_TYPE=Release"]
@@ -162,7 +162,7 @@ def _quietly(command: list[object]) -> None:
 
 
 def tools_python() -> str:
-    """A Python beside which the tools are installed, its programs on the path."""
+    """A Python of an environment with the tools, whose programs are on the path."""
     import tomllib  # not in the Pythons that pip then refuses
 
     if find_spec("nanobind") and shutil.which("cmake") and has_compiler():

@@ -56,7 +56,7 @@ def read_room_maps(folder: Path, resolution_m: float = _RESOLUTION_M) -> Iterato
     pairs = list(_pairs(folder))
     if not pairs:
         raise MapError(
-            f"{folder} has no map with its rooms: wanted NAME.png or NAME{_FURNITURE}.png beside "
+            f"{folder} has no map with its rooms: wanted NAME.png or NAME{_FURNITURE}.png next to "
             f"NAME{_TRUTH}, as in common/files/test_maps of the package ipa_room_segmentation"
         )
     for name, kind, path, truth_path in pairs:

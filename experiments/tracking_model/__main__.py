@@ -91,19 +91,19 @@ def networks_of_towns(data: Path, folder: Path) -> dict[str, FloorModel]:
 
 
 def tables(
-    table: Table, data: Path, cache: ArrayCache, folder: Path | None
+    table: Table, data: Path, store: ArrayCache, folder: Path | None
 ) -> Mapping[str, Callable[[], str]]:
     """The tables by their names; every figure is from buildings left out."""
     found = cache(lambda: list(floor_answers(table)))
     written = {
         "floors": lambda: floors_table(found()),
         "lasers": lambda: lasers_table(found()),
-        "real": lambda: real_table(table, data, cache),
+        "real": lambda: real_table(table, data, store),
     }
     if folder is None:
         return written
     known = networks_of_towns(data, folder)
-    return written | {"real_networks": lambda: real_table(table, data, cache, networks=known)}
+    return written | {"real_networks": lambda: real_table(table, data, store, networks=known)}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -130,12 +130,12 @@ def main() -> None:
         )
     if chosen.kept is not None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
-    cache = ArrayCache(chosen.kept)
-    maps = known_maps(Path(data), cache)
-    table = Table.of(simulated_drives(maps, cache))
+    store = ArrayCache(chosen.kept)
+    maps = known_maps(Path(data), store)
+    table = Table.of(simulated_drives(maps, store))
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))
-    written = tables(table, Path(data), cache, chosen.networks)
+    written = tables(table, Path(data), store, chosen.networks)
     for name in chosen.parts or (() if chosen.model else written):
         text = written[name]()
         show_table(f"tracking_{name}", text, write=chosen.write_docs)

@@ -56,7 +56,7 @@ def find_maps(
 ) -> FoundMaps:
     """Find the maps of arguments, without duplicates.
 
-    Files are used directly, whatever their name. In a folder, and for a pattern
+    Files are used directly, under any name. In a folder, and for a pattern
     (``floors/*/map.yaml``, ``**`` for any depth), every YAML file with a key ``image`` is a map,
     except in hidden folders and below ``out``. A map's name is its path below the root, so it does
     not depend on other maps. The root is by default the deepest folder above all arguments.

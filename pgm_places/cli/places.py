@@ -200,8 +200,8 @@ def export(
             record_exports(files.stage, folder, [request])
     if not inside:
         try:
-            with output_set(folder, "export", shared=True, force=True, keeps_owners=True) as beside:
-                record_exports(beside.stage, folder, [request])
+            with output_set(folder, "export", shared=True, force=True, keeps_owners=True) as record:
+                record_exports(record.stage, folder, [request])
         except (InputError, OutputError) as error:
             complain(f"{error}; 'rename' will not know of the export in {target}")
     if summary:

@@ -44,7 +44,7 @@ class EvalMap:
     window: NDArray[np.bool_]
     building: str | None = None
 
-    __test__ = False  # not a test class, whatever pytest thinks of its name
+    __test__ = False  # not a test class of pytest, despite its name
     unit: ClassVar[str] = "cell"
     """What a node is."""
 
@@ -81,7 +81,7 @@ class EvalDrive(_Painted):
     trajectory: Trajectory
     grid: OccupancyGrid
 
-    __test__ = False  # not a test class, whatever pytest thinks of its name
+    __test__ = False  # not a test class of pytest, despite its name
     unit: ClassVar[str] = "step"
     """What a node is."""
 
@@ -115,7 +115,7 @@ class EvalGraph(_Painted):
     node_truth: NDArray[np.int64]
     building: str | None = None
 
-    __test__ = False  # not a test class, whatever pytest thinks of its name
+    __test__ = False  # not a test class of pytest, despite its name
     unit: ClassVar[str] = "node"
     """What a node is."""
 
@@ -195,7 +195,7 @@ def door_scores(item: EvalMap, labeling: Labeling, doorway: int) -> DoorScores:
 
 
 def gate_scores(item: EvalMap, spaces: MapSpaces, doorway: int) -> DoorScores:
-    """Count the doors of a map that match accepted gates, whatever the labels."""
+    """Count the doors of a map that match accepted gates, for any labels."""
     match = match_doors(spaces.gates, _known(item), doorway)
     return match.scores(spaces.places.accepted)
 

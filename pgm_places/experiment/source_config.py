@@ -376,8 +376,8 @@ class SourceConfig(MapConfig):
             raise ConfigError("laser simulates scans in a map and requires map")
 
     def _refuse(self, names: Set[str], beside: str, what: str) -> None:
-        if given := given_options(self, names):
-            raise ConfigError(f"{given[0]} does not apply to {beside}: {what}")
+        if refused := given_options(self, names):
+            raise ConfigError(f"{refused[0]} does not apply to {beside}: {what}")
 
 
 def given_options(options: Any, names: Set[str]) -> list[str]:

@@ -81,11 +81,11 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
     pattern = table["map"]
     base = resolved_path(_before_wildcards(pattern), folder)
     rest = pattern[len(_before_wildcards(pattern)) :]
-    beside = {key: table[key] for key in _BESIDE if isinstance(table.get(key), str)}
-    if not _has_wildcards(beside.get("corrections", "*")):
-        del beside["corrections"]  # one file in the frame of all maps
+    patterns = {key: table[key] for key in _BESIDE if isinstance(table.get(key), str)}
+    if not _has_wildcards(patterns.get("corrections", "*")):
+        del patterns["corrections"]  # one file in the frame of all maps
     n_wildcards = len(_WILDCARD.findall(rest))
-    for key, other in beside.items():
+    for key, other in patterns.items():
         if len(_WILDCARD.findall(other)) != n_wildcards:
             raise ConfigError(
                 f"{where}: map has {n_wildcards} wildcards ({pattern!r}), so {key} must have the "
@@ -102,7 +102,7 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
             raise ConfigError(
                 f"{where}: cannot tell what the wildcards of {pattern!r} are in {name!r}"
             )
-        filled = {key: _filled(other, match.groups()) for key, other in beside.items()}
+        filled = {key: _filled(other, match.groups()) for key, other in patterns.items()}
         yield {**table, "map": _before_wildcards(pattern) + name, **filled}
 
 

@@ -127,8 +127,8 @@ def _rectangle(
     number[tuple((cells - low).T)] = np.arange(len(cells))
     new = np.flatnonzero(reached)
     while len(new):
-        beside = (cells[new] - low)[:, np.newaxis] + _BESIDE
-        near = number[beside[..., 0], beside[..., 1]].ravel()
+        neighbours = (cells[new] - low)[:, np.newaxis] + _BESIDE
+        near = number[neighbours[..., 0], neighbours[..., 1]].ravel()
         new = np.unique(near[near >= 0])
         new = new[~reached[new]]
         reached[new] = True

@@ -99,7 +99,7 @@ _ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 def topology_drawing(
     grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
 ) -> Drawing:
-    """The topological map over the map, and the diagram beside or below it.
+    """The topological map over the map, and the diagram next to or below it.
 
     Nodes stand at the regions' anchors and edges go through the middle of the passages; at
     corridors, and other places with more than six neighbours, they end at the passage. In the

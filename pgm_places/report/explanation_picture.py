@@ -109,7 +109,7 @@ def _map_panel(taught: InteractiveResult, found: CellExplanation, size: tuple[in
     ends = here + found.ranges_m[:, None] * ways
     cells = grid.cells_at_m(ends).clip(0, np.array(grid.shape) - 1)
     shown = np.zeros(grid.shape, np.bool_)
-    # Long corridors are cut to the space beside the votes; view_of adds half a metre on each side.
+    # Long corridors are cut to the space next to the votes; view_of adds half a metre on each side.
     [middle] = grid.cells_at_m([here])
     reach = np.array([size[1], size[0]]) // 2 - int(0.5 / grid.resolution_m) - 1
     (r0, c0) = np.maximum(np.maximum(cells.min(axis=0), middle - reach), 0)

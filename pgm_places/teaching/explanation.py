@@ -180,8 +180,8 @@ def explain_region(taught: InteractiveResult, key: int | str) -> reasons.RegionE
     place = int(np.bincount(numbers).argmax())
     row = place_features(spaces.places)[place]
     names = [spec.id for spec in PLACE_FEATURES]
-    beside = np.flatnonzero((spaces.places.gate_places == place).any(axis=1))
-    order = beside[np.argsort(-spaces.probability[beside], kind="stable")]
+    adjacent = np.flatnonzero((spaces.places.gate_places == place).any(axis=1))
+    order = adjacent[np.argsort(-spaces.probability[adjacent], kind="stable")]
     gates = tuple((spaces.gates[int(g)], float(spaces.probability[g])) for g in order)
     return reasons.RegionExplanation(region, dict(zip(names, row.tolist(), strict=True)), gates)
 

@@ -109,7 +109,7 @@ def _second(place: Region, label_names: tuple[str, ...]) -> tuple[str | None, fl
 
 WIDEST_M, DEEPEST_M = 1.9, 0.75
 """Greatest width and depth (m) of openings: wider ones without jambs are parts of a room, deeper
-ones are passages beside a bed or a counter."""
+ones are passages along a bed or a counter."""
 
 DOOR_WIDTH_M, DOOR_DEPTH_M = 1.2, 0.55
 """Greatest width and depth (m) of doors, which need a smaller difference in width to the room."""

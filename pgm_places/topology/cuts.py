@@ -26,7 +26,7 @@ MOST_TOGETHER = 3
 SAME_OPENING_M = 0.5
 """Greatest distance (m) between the middles of lines in one opening."""
 
-_LEAST_PART_M2 = 0.1  # smaller pieces beside a line join the adjacent part
+_LEAST_PART_M2 = 0.1  # smaller pieces at a line join the adjacent part
 
 _N_DIRECTIONS = 24
 

@@ -115,7 +115,7 @@ class _Division:
     def number_places(self, place: Numbers) -> None:
         """Number the places of labelled cells outside gates, -1 elsewhere."""
         # The numbers are written into place if they fit. Pieces that only rectangles separate form
-        # one place. Exceptions are places of at least min_area_m2 that a leak beside a gate
+        # one place. Exceptions are places of at least min_area_m2 that a leak next to a gate
         # connects: their border is at the narrowest point, not along rectangles.
         labels = self.labels
         grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
@@ -184,7 +184,7 @@ def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doo
     # cells passes them.
     gate_at: Numbers = np.full(grid.shape, -1, number_type(len(doorways)))
     side = grid.resolution_m
-    edge = 1e-6 * side  # cell centres on the edge of a rectangle are inside, whatever its heading
+    edge = 1e-6 * side  # cell centres on the edge of a rectangle are inside, for any heading
     for g in np.argsort(doorways.probability, kind="stable").tolist():
         gate = doorways.gates[g]
         thicker = max(0.75 * side - gate.depth_m / 2, 0.0)

@@ -329,7 +329,7 @@ class TopologicalMap(Plotted):
         ax : matplotlib.axes.Axes, optional
             New axes if not given.
         names : bool
-            Write the names of places beside their nodes; doorways have none.
+            Write the names of places next to their nodes; doorways have none.
 
         Returns
         -------

@@ -37,8 +37,8 @@ with lasers of every kind."""
 def model_folder(name: str | Path) -> Path:
     """The folder of a shipped model by its name, else the given folder.
 
-    A name of a shipped model is always that: whatever the current folder holds does not stand in
-    for it. A folder of that name is ``./default``.
+    The name of a shipped model takes precedence over a folder of this name: write ``./default``
+    for the folder.
 
     Raises
     ------

@@ -220,4 +220,4 @@ class _ByDecoding:
 
 
 _Search = _ByMarginals | _ByDecoding
-"""Looks for labellings in a space: among those that unaries (N, K) allow."""
+"""Searches for labellings that unaries (N, K) allow."""

@@ -1,4 +1,4 @@
-"""Gaussians of labels that nobody has named, or of which few are known: expectation maximisation.
+"""Expectation maximisation of Gaussians, from few known labels or none.
 
 Each label has a Gaussian of the features; neighbours are linked by transitions, which are learned,
 where the graphs are chains, and else by one weight of agreement, which is given. Beliefs under both

@@ -22,7 +22,7 @@ from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.trws import trws
 
 MAX_BACKTRACKS = 1_000_000
-"""Search ends after so many, by default: minutes."""
+"""Default limit of backtracks, some minutes."""
 
 FIRST_PASSES = 50
 """Of TRW-S, for a labelling to begin with."""
@@ -75,7 +75,7 @@ def exact_search(model: PairwiseModel, *, max_backtracks: int = MAX_BACKTRACKS) 
     model : PairwiseModel
         The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
     max_backtracks : int
-        The search ends after so many.
+        Most backtracks of the search.
 
     Raises
     ------

@@ -299,8 +299,8 @@ def _refuse_picture(path: Path) -> None:
     """Refuse an image in place of a map description, with a hint to the description."""
     if path.suffix.lower() not in PICTURES:
         return
-    beside = [path.with_suffix(end) for end in (".yaml", ".yml")]
-    descriptions = [str(each) for each in beside if file_kind(each) == "file"]
+    candidates = [path.with_suffix(end) for end in (".yaml", ".yml")]
+    descriptions = [str(each) for each in candidates if file_kind(each) == "file"]
     raise MapError(
         f"{path} is the picture of a map; give its description (YAML), "
         + (descriptions[0] if descriptions else f"which names it: 'image: {path.name}'")

@@ -64,18 +64,18 @@ def wall_threshold(
     grey; None without any. ``rules`` gave ``cells`` (H, W).
     """
     height = cells.shape[0]
-    every, beside = np.zeros(256, np.int64), np.zeros(256, np.int64)
+    every, near_counts = np.zeros(256, np.int64), np.zeros(256, np.int64)
     for row, channels, _ in image.strips():
         grey = grey_of(channels)[::-1]
         rows = slice(height - row - len(grey), height - row)
         unknown = cells[rows] == UNKNOWN
         every += np.bincount(grey[unknown], minlength=256)
         near = unknown & _near(cells, FREE, rows, resolution_m)
-        beside += np.bincount(grey[near], minlength=256)
+        near_counts += np.bincount(grey[near], minlength=256)
     level = np.arange(256) / 255
     p = level if rules.negate else 1 - level
     background = p[every.argmax()]
-    walls = np.where(p > background, beside, 0)
+    walls = np.where(p > background, near_counts, 0)
     if not walls.any():
         return None
     from_light = np.argsort(p, kind="stable")
@@ -94,8 +94,8 @@ def with_walls(cells: NDArray[np.int8]) -> NDArray[np.int8]:
     walled = cells.copy()
     for rows in bands_of_rows(cells.shape):
         # Centres of the eight neighbours are up to the square root of two away.
-        beside = _within(cells, FREE, rows, 1.5)
-        walled[rows][beside & (cells[rows] == UNKNOWN)] = OCCUPIED
+        near_free = _within(cells, FREE, rows, 1.5)
+        walled[rows][near_free & (cells[rows] == UNKNOWN)] = OCCUPIED
     return walled
 
 

@@ -98,7 +98,7 @@ class PlacesNode(LifecycleNode):
             self.get_logger().error(str(error))
             self._let_go()
             return TransitionCallbackReturn.FAILURE
-        except Exception:  # noqa: BLE001  rclpy passes over whatever is raised here in silence
+        except Exception:  # noqa: BLE001  rclpy ignores exceptions raised here
             self.get_logger().error(traceback.format_exc())
             self._let_go()
             return TransitionCallbackReturn.ERROR
