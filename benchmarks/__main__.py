@@ -89,12 +89,12 @@ def measured(topic: str, *, quick: bool) -> str:
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    found = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    found.add_argument(
+    result = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    result.add_argument(
         "topics", nargs="*", choices=[*TOPICS, []], metavar="topic", help=", ".join(TOPICS)
     )
-    found.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    return found
+    result.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
+    return result
 
 
 def main() -> None:

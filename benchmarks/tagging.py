@@ -132,8 +132,8 @@ def crfsuite(
 
 def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the table."""
-    found = sentences()
-    chosen = found[: 600 if quick else len(found)]
+    all_sentences = sentences()
+    chosen = all_sentences[: 600 if quick else len(all_sentences)]
     described = [[indicators(words, at) for at in range(len(words))] for words in chosen]
     truths = [np.array([label for _, label in words]) for words in chosen]
     n_test = 100 if quick else N_TEST

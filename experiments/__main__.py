@@ -56,25 +56,25 @@ def kept_tables() -> Iterator[tuple[str, str]]:
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
     known = [*OF_THE_PAPER, OVERVIEW_TABLE]
-    found = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
-    with_write_docs(found)
-    found.add_argument(
+    result = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
+    with_write_docs(result)
+    result.add_argument(
         "names",
         nargs="*",
         choices=[*known, []],
         metavar="name",
         help=f"some of {', '.join(known)}; all by default",
     )
-    found.add_argument(
+    result.add_argument(
         "--compose", action="store_true", help="run nothing, write the tables of recorded sections"
     )
-    found.add_argument(
+    result.add_argument(
         "--out",
         type=Path,
         default=REPRODUCED,
         help="folder of sections with their pictures, and of what they resume from (kept/)",
     )
-    return found
+    return result
 
 
 def main() -> None:

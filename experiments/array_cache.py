@@ -35,9 +35,9 @@ class ArrayCache:
         if self.folder is None:
             return make()
         path = self.folder / f"{name}.npz"
-        found = _read(path)
-        if found is not None:
-            return found
+        cached = _read(path)
+        if cached is not None:
+            return cached
         made = make()
         with atomic_file(path) as part, part.open("wb") as file:
             np.savez(file, **made)  # type: ignore[arg-type]

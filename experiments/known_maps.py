@@ -174,10 +174,10 @@ def _robot_like(plan: KnownMap, seed: int, cache: ArrayCache) -> KnownMap:
         return {"cells": made.grid.cells, "labels": made.labels, "resolution": resolution}
 
     stem = fingerprint(__version__, seed, CELLS_M, plan.item.grid.cells, plan.finer)
-    found = cache.arrays(f"{stem}-robot-like", make)
-    grid = OccupancyGrid(found["cells"], float(found["resolution"][0]))
+    arrays = cache.arrays(f"{stem}-robot-like", make)
+    grid = OccupancyGrid(arrays["cells"], float(arrays["resolution"][0]))
     name = f"{plan.item.name}, simulated"
-    item = LabelledMap(grid, found["labels"], None, name, plan.building)
+    item = LabelledMap(grid, arrays["labels"], None, name, plan.building)
     return KnownMap.of(item, plan.kind, SIMULATED)
 
 

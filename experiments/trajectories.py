@@ -143,12 +143,12 @@ def _has_figures(row: Sequence[str]) -> bool:
 
 def parser() -> argparse.ArgumentParser:
     """The arguments of the command."""
-    found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.trajectories"))
-    found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
-    found.add_argument(
+    result = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.trajectories"))
+    result.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    result.add_argument(
         "parts", nargs="*", choices=[*TABLES, []], metavar="part", help=", ".join(TABLES)
     )
-    return found
+    return result
 
 
 def main() -> None:

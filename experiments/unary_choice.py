@@ -139,10 +139,10 @@ TABLES = tuple(f"unary-{part}" for part in _PARTS)
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
     prog = "python -m experiments.unary_choice"
-    found = argparse.ArgumentParser(prog=prog, description=__doc__)
-    found.add_argument("table", choices=_PARTS)
-    found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
-    return found
+    result = argparse.ArgumentParser(prog=prog, description=__doc__)
+    result.add_argument("table", choices=_PARTS)
+    result.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    return result
 
 
 def main() -> None:

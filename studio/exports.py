@@ -194,14 +194,14 @@ def _corrections(session: MapSession, folder: Path, _: Path) -> list[Path]:
 
 def _places(session: MapSession, stage: Path, folder: Path) -> list[Path]:
     topology, others, own = _named_places(session, folder)
-    found = session.answer.labelled
+    labelled = session.answer.labelled
     there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
     page: PageFacts = {
         "names": {*there, *PLACES, *SETTINGS},
         "map_name": session.source.yaml_path.name,
-        "warnings": (*session.source.warnings, *found.warnings),
+        "warnings": (*session.source.warnings, *labelled.warnings),
     }
-    gates = separating_gates(found.doorways, session.rules)
+    gates = separating_gates(labelled.doorways, session.rules)
     written = save_settings(stage, PlaceSettings(session.rules, gates))
     written += write_topology(stage, session.grid, topology, title=session.source.name, page=page)
     if names := others | own:

@@ -38,8 +38,8 @@ def error_sheet(comparison: Comparison, index: int = 0, *, title: str | None = N
     grid, view = _shown(item)
     panels = []
     for method in comparison.methods:
-        found = _raster(item, method, index)
-        canvas = difference_canvas(grid, item.truth, found, names, view)
+        raster = _raster(item, method, index)
+        canvas = difference_canvas(grid, item.truth, raster, names, view)
         evaluation = method.evaluations[index]
         wrong = evaluation.n - int(np.trace(evaluation.confusion))
         panels.append(
@@ -55,8 +55,8 @@ def error_sheet(comparison: Comparison, index: int = 0, *, title: str | None = N
 
 def confusion_of(method: MethodResult) -> bytes:
     """A PNG file with the confusion matrix of a method over all test maps."""
-    found = method.evaluation
-    return confusion_picture(found.confusion, found.label_names, title=method.id)
+    evaluation = method.evaluation
+    return confusion_picture(evaluation.confusion, evaluation.label_names, title=method.id)
 
 
 def window_grid(grid: OccupancyGrid, window: NDArray[np.bool_]) -> OccupancyGrid:

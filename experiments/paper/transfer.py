@@ -74,13 +74,15 @@ def _pictures(
 
 
 def _labels(labeler: PlaceLabeler, grid: OccupancyGrid, method: str) -> bytes:
-    found = label_map(labeler, grid, method=method)
-    return label_picture(grid, found.labels, found.label_names)
+    labelled = label_map(labeler, grid, method=method)
+    return label_picture(grid, labelled.labels, labelled.label_names)
 
 
 def _topology(labeler: PlaceLabeler, grid: OccupancyGrid) -> bytes:
-    found = label_map(labeler, grid, method=SHOWN)
-    return topology_drawing(grid, topological_map(grid, found.labels, found.label_names)).png()
+    labelled = label_map(labeler, grid, method=SHOWN)
+    return topology_drawing(
+        grid, topological_map(grid, labelled.labels, labelled.label_names)
+    ).png()
 
 
 def _by_map(found: dict[str, Comparison]) -> Table:

@@ -63,11 +63,11 @@ def main(argv: list[str] | None = None) -> None:
     with LineProgress().stage("maps") as stage:
         for known, weight in maps:
             source = Source(of_map(known.item.name), arguments.method, evidence)
-            found = source.label(known.item.grid)
-            figures.append(measured(known, weight, found))
-            pairs.append(LabelledPair(known, found.labels, figures[-1].cells.accuracy))
+            labelled = source.label(known.item.grid)
+            figures.append(measured(known, weight, labelled))
+            pairs.append(LabelledPair(known, labelled.labels, figures[-1].cells.accuracy))
             if arguments.reliability:
-                reliability.add(known, found)
+                reliability.add(known, labelled)
             stage.update(len(figures) / len(maps), known.item.name)
     print(table(figures))
     if arguments.reliability:

@@ -76,9 +76,9 @@ def lists_alone(labeler: PlaceLabeler) -> PlaceLabeler:
         name: replace(method, unary="space") if method.unary == "floor" else method
         for name, method in labeler.methods_.items()
     }
-    found = labeler.with_options()
-    found.methods_, found.unary_model_ = methods, replace(labeler.unary_model_, floor=None)
-    return found
+    changed = labeler.with_options()
+    changed.methods_, changed.unary_model_ = methods, replace(labeler.unary_model_, floor=None)
+    return changed
 
 
 def evidence_named(name: str) -> Evidence:

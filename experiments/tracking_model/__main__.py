@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from experiments.array_cache import ArrayCache
@@ -108,14 +109,14 @@ def tables(
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.tracking_model"))
-    found.add_argument("--kept", type=Path, help="folder that keeps what drives show")
-    found.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
-    found.add_argument("--model", action="store_true", help="only the model")
-    found.add_argument(
+    result = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.tracking_model"))
+    result.add_argument("--kept", type=Path, help="folder that keeps what drives show")
+    result.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
+    result.add_argument("--model", action="store_true", help="only the model")
+    result.add_argument(
         "parts", nargs="*", choices=[*PARTS, []], metavar="table", help=", ".join(PARTS)
     )
-    return found
+    return result
 
 
 def main() -> None:

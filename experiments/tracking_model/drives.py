@@ -171,9 +171,9 @@ def observed(
 
     networks = () if floor is None else (floor.networks[0].packed(), floor.shares)
     key = fingerprint(__version__, stem, BEAMS, SENSOR, all_steps, *networks)
-    found = cache.arrays(f"{key}-drive", make)
+    arrays = cache.arrays(f"{key}-drive", make)
     parts: list[Any] = [
-        found.get(name) for name in ("poses", "labels", "circles", "spaces", "floor")
+        arrays.get(name) for name in ("poses", "labels", "circles", "spaces", "floor")
     ]
     building = str(item.building or item.name)
     return Observed(item.name, building, group, laser, generated, *parts)

@@ -93,9 +93,9 @@ def _pair(ranked: Sequence[MethodResult]) -> tuple[MethodResult, MethodResult]:
 
 
 def _ends(method: MethodResult) -> tuple[float, float]:
-    found = method.intervals.get("accuracy")
+    interval = method.intervals.get("accuracy")
     value = method.evaluation.accuracy
-    return (value, value) if found is None else (found.low, found.high)
+    return (value, value) if interval is None else (interval.low, interval.high)
 
 
 def _headline(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
@@ -155,9 +155,9 @@ def _standing_words(
         for one, other in zip(top.labelings, method.labelings, strict=True)
     ):
         return f"the same labels as {top.id}"
-    found = comparison.judgement.between(top.id, method.id)
-    behind = f"{_points(100 * found.shown)} behind {top.id} ({_span(found)})"
-    return behind if found.winner == top.id else f"{behind}: not significant"
+    difference = comparison.judgement.between(top.id, method.id)
+    behind = f"{_points(100 * difference.shown)} behind {top.id} ({_span(difference)})"
+    return behind if difference.winner == top.id else f"{behind}: not significant"
 
 
 def _number(value: float) -> str:

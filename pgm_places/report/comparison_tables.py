@@ -208,11 +208,11 @@ def _by_label(comparison: Comparison) -> Table:
 
 def _by_split(comparison: Comparison) -> Table:
     """Accuracies in each split; the highest is highlighted."""
-    found = [comparison.by_split(method) for method in comparison.methods]
+    split_scores = [comparison.by_split(method) for method in comparison.methods]
     rows = []
     for name in comparison.splits:
-        top = max(of[name].accuracy for of in found)
-        cells = tuple(_both(of[name], of[name].accuracy == top) for of in found)
+        top = max(of[name].accuracy for of in split_scores)
+        cells = tuple(_both(of[name], of[name].accuracy == top) for of in split_scores)
         rows.append(Row(name, cells))
     columns = ("Tested on", *(method.id for method in comparison.methods))
     return Table("Accuracy / balanced accuracy by split, in percent", columns, tuple(rows))

@@ -133,7 +133,7 @@ def _pair(
     view: View,
 ) -> tuple[Layer, Layer]:
     true, names = truth
-    found = item.layout.to_raster(method.labelings[index].labels.astype(np.int16), fill=-1)
+    raster = item.layout.to_raster(method.labelings[index].labels.astype(np.int16), fill=-1)
     known = item.node_truth >= 0
     n, unit = int(known.sum()), item.unit
     n_wrong = int((method.labelings[index].labels != item.node_truth)[known].sum())
@@ -144,14 +144,14 @@ def _pair(
             method.id,
             f"{item.name}: labels by {method.id}, {correct}",
             f"labels: {correct}",
-            label_canvas(item.grid, found, names, view),
+            label_canvas(item.grid, raster, names, view),
         ),
         Layer(
             index,
             f"{method.id} errors",
             f"{item.name}: {n_wrong} of {n} {unit}s labelled wrongly by {method.id}",
             f"errors: {n_wrong:,} of {n:,} {unit}s",
-            difference_canvas(item.grid, true, found, names, view),
+            difference_canvas(item.grid, true, raster, names, view),
         ),
     )
 

@@ -284,8 +284,8 @@ class _View:
 
     def pulls(self, final: int, before: int, x_m: float, y_m: float) -> list[reasons.NeighbourPull]:
         """The influence of each neighbour on the final label of a cell."""
-        found = self.taught.labelled
-        layout, source = found.layout, _source(found)
+        labelled = self.taught.labelled
+        layout, source = labelled.layout, _source(labelled)
         [cell] = source.cells_at_m([[x_m, y_m]])
         steps = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c])
         if self.labeler.connectivity == 4:
@@ -293,7 +293,7 @@ class _View:
         cells = cell + steps
         nodes = layout.nodes_at(cells)
         names, pulls = self.taught.label_names, []
-        beliefs, labels = found.labeling.beliefs, found.labeling.labels
+        beliefs, labels = labelled.labeling.beliefs, labelled.labeling.labels
         for node, (x, y) in zip(nodes.tolist(), source.cell_centres_m(cells).tolist(), strict=True):
             if node < 0:
                 continue
