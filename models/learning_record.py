@@ -36,7 +36,7 @@ REASONS = (
 """Reasons for the choice of a learner; records store indices, so append new ones."""
 
 NEGLIGIBLE = 1e-4
-"""Gap in shares of C that is ignored beside an offset, where the optimum may be 0."""
+"""Gap, as a share of C, that is ignored with an offset, where the optimum may be 0."""
 
 LARGE_GAP = 0.1
 """A certified gap above this causes a warning: the weights may label badly."""

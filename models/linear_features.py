@@ -115,8 +115,8 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
         return np.concatenate(columns, axis=1)
     import scipy.sparse as sp
 
-    beside: Any = sp.hstack([sp.csr_array(part) for part in columns], format="csr")
-    return beside
+    joined: Any = sp.hstack([sp.csr_array(part) for part in columns], format="csr")
+    return joined
 
 
 def node_offset(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.float64] | None:

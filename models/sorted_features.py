@@ -169,7 +169,7 @@ def _distinct(
     codes: NDArray[np.uint8],
     pure: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
-    """The columns without those that order the examples like an earlier column."""
+    """The columns that order the examples unlike every earlier column."""
     step = max(1, len(rows) // 1024)
     alike: dict[bytes, list[int]] = {}
     distinct = []

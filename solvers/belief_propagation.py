@@ -19,7 +19,7 @@ from pgm_places.solvers.set_terms import SetMessages, SetTables, set_unit
 __all__ = ["BeliefPropagation", "belief_propagation", "pair_beliefs"]
 
 ROUNDING = 1e-14
-"""Changes below this share of the potentials' unit are rounding, whatever the tolerance."""
+"""Changes below this share of the potentials' unit are rounding, for any tolerance."""
 
 TIE = 1e-9
 """Log-marginals closer than this share of the potentials' unit are a tie."""

@@ -4,8 +4,8 @@ Observations of probability 0 under the model are skipped, as if the step had no
 their steps are reported; beliefs never become NaN.
 
 A belief below ``exp(-700)`` of the largest one underflows to 0. That is harmless where all
-transitions are possible: the label's own remainder is then negligible beside the probability that
-arrives from other labels. Where a transition is impossible, this remainder may be the only
+transitions are possible: the label's own remainder is then negligible compared with the probability
+that arrives from other labels. Where a transition is impossible, this remainder may be the only
 probability left when later observations rule out all other labels: the chain is then filtered in
 logarithms.
 """
