@@ -177,7 +177,7 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
                 "an offset cannot be combined with the completion of missing labels; remove offset "
                 "from node_features, or use unlabelled='dropped'"
             )
-        if self._goes_on:
+        if self._is_warm:
             raise InputError(
                 "warm_start cannot be combined with the completion of missing labels, which begins "
                 "with labels instead of weights; use unlabelled='dropped' or warm_start=False"
@@ -187,7 +187,7 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
     def _selection(self, data: TrainingSet) -> Selection:
         hidden = data.completes
         choices = self._node_choices([problem for problem, _ in data.examples])
-        if self._goes_on and self.C == "auto" and self.learning is not None:
+        if self._is_warm and self.C == "auto" and self.learning is not None:
             return _selected(choices[0], float(self.summary["penalty"]))
         n, of_offset = self.n_validation_blocks, OFFSET in parse_parts(choices[0])
         auto = OFFSET_PENALTIES if of_offset else AUTO_PENALTIES
@@ -276,7 +276,7 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
 
     def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
         choices = super()._node_choices(problems)
-        is_open = self.node_features == self.C == "auto" and not self._goes_on
+        is_open = self.node_features == self.C == "auto" and not self._is_warm
         layouts = [each.graph.layout for each in problems]
         is_mapped = all(
             one.source is not None if isinstance(one, GridLayout) else isinstance(one, StepLayout)
@@ -302,7 +302,7 @@ class AssociativeMarkovNetwork(TrainedLinearModel):
 
     def _learner_options(self, task: MaxMarginProblem, hidden: bool) -> tuple[LearningOptions, str]:
         """The options of learning, and the reason for the learner."""
-        learner, reason = resolved_learner(task, self.learner, needs_cuts=hidden or self._goes_on)
+        learner, reason = resolved_learner(task, self.learner, needs_cuts=hidden or self._is_warm)
         options = LearningOptions(
             learner,
             self.learning_tolerance,

@@ -123,7 +123,7 @@ def resolved_learner(
 def held_out_path(
     task: MaxMarginProblem, part: NDArray[np.bool_], options: LearningOptions
 ) -> Path:
-    """A learner without a part (N,) of the nodes; each C starts with the cuts of the last."""
+    """Learning without the nodes of a mask (N,) for one C after another, with the cuts so far."""
     rest, held_out = _restricted(task, ~part), _restricted(task, part)
     steps = min(options.max_steps, PATH_STEPS)
     quick = replace(options.quick, learner="cutting-plane", max_steps=steps)

@@ -258,7 +258,7 @@ def boosted_further(
 
 
 def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> TeachingExamples:
-    """Examples (n K) with the list's own predictions: every class, weighted by its probability.
+    """Examples (n K) of the list's own predictions: every class, weighted by its probability.
 
     They regularise a list towards its predictions: at its probabilities p the weights of both sides
     of a classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``.
@@ -280,20 +280,20 @@ def with_first_class(
 
     ``label`` is larger than all others; the examples have the next index for it.
     """
-    number = len(fitted.classes)
+    new_index = len(fitted.classes)
     if not (label > fitted.classes).all():
         raise InputError(f"a new class must come after {fitted.classes[-1]}, got {label}")
     prepared = prepare(examples.X, examples.labels)
-    sides, model = ([number], list(range(number))), fitted.classifiers[0]
+    sides, model = ([new_index], list(range(new_index))), fitted.classifiers[0]
     first = _rounds(model, prepared, sides, examples, rounds)
     if isinstance(model, BoostedTrees) and model.depth > first.depth:
         first = first.deepened(model.depth)
-    new = examples.labels == number
+    new = examples.labels == new_index
     odds = float(examples.weights[new].sum() / examples.weights[~new].sum())
     return replace(
         fitted,
         classes=np.append(fitted.classes, label),
-        order=np.concatenate([[number], fitted.order]),
+        order=np.concatenate([[new_index], fitted.order]),
         classifiers=(first, *fitted.classifiers),
         calibration=np.concatenate([[[2.0, 0.5 * np.log(odds)]], fitted.calibration]),
     )

@@ -109,8 +109,8 @@ def decode_with_cliques(
     >>> alone = LabelGraph.from_edges(4, np.zeros((0, 2), int))
     >>> unary = Potentials([[1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
     >>> room = Cliques.of([[0, 1, 2, 3]], 4)
-    >>> found = decode_with_cliques(alone, unary, room, weight=0.5)
-    >>> found.labels.tolist(), found.score, found.status
+    >>> labeling = decode_with_cliques(alone, unary, room, weight=0.5)
+    >>> labeling.labels.tolist(), labeling.score, labeling.status
     ([0, 0, 0, 0], 5.0, <Status.EXACT: 'exact'>)
     """
     decoder = partial(_without_beliefs, named_decoder(method).run)

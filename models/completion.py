@@ -2,16 +2,16 @@
 
 Omitting unlabelled nodes also omits their edges. If few nodes are labelled, links are then learned
 on a graph of far smaller degree than the graph to be labelled, where they add up until all nodes
-take one label. With completed labels, links are learned on the graph itself.
+take one label.
 
 With known labels t and a loss l that counts known nodes only, learning minimises ::
 
     f(w) = 1/2 |w|^2 + C/N ( max_y [ score(y) + loss(y) ] - max_h score(t, h) ),
 
 the last term being the best completion h of the unknown labels. For a fixed completion the rest is
-convex, so completing the labels and learning the weights alternate
-(A. Yuille, A. Rangarajan, "The concave-convex procedure", Neural Computation 15 (2003); C.-N. Yu,
-T. Joachims, "Learning structural SVMs with latent variables", ICML 2009). No round can raise f.
+convex, so completing the labels and learning the weights alternate (A. Yuille, A. Rangarajan, "The
+concave-convex procedure", Neural Computation 15 (2003); C.-N. Yu, T. Joachims, "Learning structural
+SVMs with latent variables", ICML 2009). No round can raise f.
 """
 
 from collections.abc import Callable, Sequence
@@ -226,8 +226,8 @@ def learn_completed(
     loss[known] = loss_of(truth[known])
     loss[observed] = 0.0
     price = problem.penalty * len(truth)
-    asked = int((known & ~observed).sum())
-    only_known = replace(problem, labels=starts[0], loss=loss, penalty=price / asked)
+    n_targets = int((known & ~observed).sum())
+    only_known = replace(problem, labels=starts[0], loss=loss, penalty=price / n_targets)
 
     def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
         unary, pairs = only_known.augmented_potentials(weights)
@@ -310,11 +310,11 @@ def best_of_hidden(
     everywhere: list[NDArray[np.int64]] = []
     answers: list[list[NDArray[np.int64]]] = [[] for _ in candidates]
     for part in np.unique(parts[parts >= 0]):
-        asked = parts == part
-        rest = np.where(asked, -1, truth)
+        hidden = parts == part
+        rest = np.where(hidden, -1, truth)
         if len(np.unique(rest[rest >= 0])) < len(np.unique(truth[truth >= 0])):
             continue
-        everywhere.append(truth[asked])
-        for number, labels in enumerate(labels_with(rest)):
-            answers[number].append(labels[asked])
+        everywhere.append(truth[hidden])
+        for candidate, labels in enumerate(labels_with(rest)):
+            answers[candidate].append(labels[hidden])
     return best_value(candidates, everywhere, answers)

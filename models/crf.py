@@ -200,7 +200,7 @@ class ConditionalRandomField(TrainedLinearModel):
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         task = data.prepared(plain)[1]
         learners, reason = learners_to_compare(self.learner, task)
-        if self._goes_on and self.learning is not None:
+        if self._is_warm and self.learning is not None:
             before = self.summary
             learner = before["learner"] if before["learner"] in learners else learners[0]
             penalty = before["penalty"] if self.C == "auto" else penalties[0]

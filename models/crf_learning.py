@@ -303,7 +303,7 @@ def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.i
 
 
 def held_out_path(task: LearningTask, part: NDArray[np.bool_], options: LearningOptions) -> Path:
-    """A learner without a part (N,) of the nodes; each C starts from the last."""
+    """Learning without the nodes of a mask (N,) for one C after another, from the last weights."""
     rest, held_out = task.part(~part), task.part(part)
     cuts: tuple[Cut, ...] = ()
     start: NDArray[np.float64] | None = None

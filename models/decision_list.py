@@ -167,8 +167,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         ascending, labels = np.unique(targets, return_inverse=True)
         # By weight, so that rounding and ties do not depend on the numbering of the classes.
         carried = np.bincount(labels, weights=weight, minlength=len(ascending))
-        number = np.argsort(-carried, kind="stable")
-        classes, labels = ascending[number], renumbered(labels, number)
+        by_weight = np.argsort(-carried, kind="stable")
+        classes, labels = ascending[by_weight], renumbered(labels, by_weight)
         check_two_classes(classes)
         check_decision(self.decision, self.clip, len(classes))
         explicit = self._explicit_order(classes)
@@ -186,7 +186,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
             )
             order = explicit or self._chosen_order(training, classes)
             if self.rates_ is not None:
-                self.rates_ = self.rates_[np.argsort(number)]
+                self.rates_ = self.rates_[np.argsort(by_weight)]
             calibration = prior_calibration(order, labels, weight, self.prior_weight)
             if self.calibration == "platt":
                 calibration = training.platt_calibration(order)
@@ -194,7 +194,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
                 calibration = training.tempered(calibration, order)
             self.boosted_list_ = BoostedList(
                 ascending,
-                number[list(order)],
+                by_weight[list(order)],
                 training.members(order),
                 calibration,
                 self.n_features_in_,
@@ -233,9 +233,9 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
             folds = last_quarters(labels[weighted], n_classes)
         else:
             folds = folds_of_groups(names[weighted], labels[weighted], n_classes)
-        number = np.zeros(len(labels), np.int64)
-        number[weighted] = folds.number
-        return Folds(number, folds.held_out)
+        fold = np.zeros(len(labels), np.int64)
+        fold[weighted] = folds.number
+        return Folds(fold, folds.held_out)
 
     def _chosen_order(
         self, training: ListTraining, classes: NDArray[np.generic]

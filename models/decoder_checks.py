@@ -65,11 +65,11 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
     """
     statuses: Counter[str] = Counter()
     refused = best = 0
-    for number, (graph, potentials) in enumerate(small_problems(n_problems, seed)):
+    for index, (graph, potentials) in enumerate(small_problems(n_problems, seed)):
         scores = _all_scores(graph, potentials)
-        where = f"decoder {name!r} on problem {number} of seed {seed}"
+        where = f"decoder {name!r} on problem {index} of seed {seed}"
         try:
-            labeling = decode(graph, potentials, name, certify=number % 2 == 1)
+            labeling = decode(graph, potentials, name, certify=index % 2 == 1)
         except InfeasibleError:
             if scores.max() > -np.inf:
                 raise SolverError(f"{where}: calls it infeasible, but it is not") from None
@@ -86,15 +86,15 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
 def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Potentials]]:
     """The test problems of :func:`check_decoder`."""
     rng = np.random.default_rng(seed)
-    for number in range(n_problems):
-        traits = _TRAITS[number % len(_TRAITS)]
+    for index in range(n_problems):
+        traits = _TRAITS[index % len(_TRAITS)]
         least = (5, MOST_LABELS) if traits.torn else (1, 1)
         n_nodes = int(rng.integers(least[0], MOST_NODES + 1))
         n_labels = int(rng.integers(least[1], MOST_LABELS + 1))
-        forest = number % 3 == 0 and not traits.torn
+        forest = index % 3 == 0 and not traits.torn
         graph = LabelGraph.from_edges(n_nodes, _edges(rng, n_nodes, forest, torn=traits.torn))
         coarse = rng.random() < 0.5
-        unit = SCALES[number // 3 % len(SCALES)]
+        unit = SCALES[index // 3 % len(SCALES)]
 
         def drawn(*shape: int, coarse: bool = coarse, unit: float = unit) -> NDArray[np.float64]:
             """Random values; few distinct ones make ties."""
@@ -105,8 +105,8 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
         barred = rng.random(unary.shape) < (0.0 if traits.torn else rng.choice([0.0, 0.3]))
         barred[np.arange(n_nodes), rng.integers(0, n_labels, n_nodes)] = False
         unary[barred] = -np.inf
-        kind = number % 5
-        ratio = RATIOS[number // 4 % len(RATIOS)] if traits.apart else 1.0
+        kind = index % 5
+        ratio = RATIOS[index // 4 % len(RATIOS)] if traits.apart else 1.0
         if kind < 2:
             reward = ratio * drawn(graph.n_edges, n_labels)
             yield graph, Potentials(unary, agreement=np.abs(reward) if kind else reward)

@@ -86,8 +86,8 @@ def log_partition(
     Examples
     --------
     >>> graph = LabelGraph.from_edges(2, [(0, 1)])
-    >>> found = log_partition(graph, Potentials(np.zeros((2, 2))))
-    >>> float(np.exp(found.value).round(9)), found.unary.tolist(), found.kind
+    >>> result = log_partition(graph, Potentials(np.zeros((2, 2))))
+    >>> float(np.exp(result.value).round(9)), result.unary.tolist(), result.kind
     (4.0, [[0.5, 0.5], [0.5, 0.5]], 'exact')
     """
     check_option("method", PartitionMethod, method)
@@ -350,7 +350,7 @@ def _exact_forests(
 
 
 def _exact(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient | None:
-    """By dynamic programming; None where it would need too much memory."""
+    """Exact log Z and marginals by dynamic programming; None if they need too much memory."""
     from pgm_places.solvers.bucket_tree import BucketTree
 
     if _forests([graph], [potentials]):

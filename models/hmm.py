@@ -202,7 +202,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         labelings: Sequence[NDArray[np.int64]],
         weights: Sequence[NDArray[np.float64]],
     ) -> list[Self]:
-        """For each trajectory a model of other ones if there are enough trajectories; else this."""
+        """Per trajectory, a model counted on others; this model if there are too few."""
         different = list(dict.fromkeys(map(id, problems)))
         if len(different) < FEWEST_DRIVES:
             return [self] * len(problems)
@@ -337,7 +337,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden."""
-        confusion, prior = self._said
+        confusion, prior = self._confusions_and_shares
         k = unary.shape[1]
         if len(prior) != k:
             raise InputError(
@@ -384,7 +384,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         return self.initial if self.start == "learned" else np.full(k, 1.0 / k)
 
     @cached_property
-    def _said(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _confusions_and_shares(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The classifier's confusions (K, K) and the labels' shares (K,), checked."""
         if self.confusion is None or self.prior is None:
             raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")

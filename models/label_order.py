@@ -1,8 +1,6 @@
 """Internal order of labels in methods: by frequency, independent of their order in a problem.
 
-Rounding of sums, ties and the moves of a graph cut depend on the order of labels. Learners and
-decoders use an order that follows from the data, so that results do not depend on how labels are
-numbered.
+Rounding, ties and the moves of a graph cut depend on the order of labels; results must not.
 """
 
 from collections.abc import Callable, Sequence

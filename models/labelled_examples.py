@@ -136,8 +136,8 @@ def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int6
         problem, truth = examples[0]
         return contiguous_parts(problem.graph, n_parts, truth)
     n = min(n_parts, len(examples))
-    number = [m * n // len(examples) for m in range(len(examples))]
-    return np.repeat(number, [len(truth) for _, truth in examples])
+    group = [m * n // len(examples) for m in range(len(examples))]
+    return np.repeat(group, [len(truth) for _, truth in examples])
 
 
 def linked_steps(graph: LabelGraph) -> NDArray[np.bool_]:

@@ -169,13 +169,13 @@ class LinearModel(LearnedNames):
 
     def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
         """The node features to compare on held-out parts; more than one for ``auto``."""
-        if self._goes_on:
+        if self._is_warm:
             return (self._node_parts,)
         both = all(p.unary is not None and p.node_features is not None for p in problems)
         return NODE_CHOICES[1:3] if self.node_features == "auto" and both else (self.node_features,)
 
     @property
-    def _goes_on(self) -> bool:
+    def _is_warm(self) -> bool:
         """Whether learning is warm-started from earlier weights."""
         return self.warm_start and self.node_weights is not None
 

@@ -147,7 +147,7 @@ class TrainedLinearModel(LinearModel):
         terms, k = self._terms(task), ready.n_labels
         sizes = ready.sizes.of_weights(terms.n_weights, k, self._weights_per_edge(ready))
         if chosen.start is None:
-            chosen = chosen._replace(start=self._weights_to_begin_with(sizes, ready))
+            chosen = chosen._replace(start=self._warm_start(sizes, ready))
         solution, record, remedies, arrays = self._learn(data, chosen, on_iteration)
         warn_of_gap(record, self.scale, remedies, has_offset=ready.offset is not None)
         weights_now = solution.weights / sizes
@@ -207,7 +207,7 @@ class TrainedLinearModel(LinearModel):
 
     @abstractmethod
     def _path(self, task: Any, part: NDArray[np.bool_], learner: str) -> Path:
-        """A learner without a part (N,) of the nodes, for one C after the other."""
+        """Learning without the nodes ``part`` (N,), for one C after another."""
 
     def _held_out_choice(
         self,
@@ -253,7 +253,7 @@ class TrainedLinearModel(LinearModel):
         problems = [problem for problem, _ in examples]
         require_like_cliques(problems)
         raw = [self._node_columns(problem, parts) for problem in problems]
-        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
+        scaling = self._scaling() if self._is_warm else Standardization.of_all(raw, self.scale)
         of_cliques = clique_sizes(problems)
         if self.scale == "none":
             of_cliques = np.ones_like(of_cliques)
@@ -289,11 +289,11 @@ class TrainedLinearModel(LinearModel):
         offsets = [node_offset(problem, names) for problem in problems]
         return np.concatenate([x for x in offsets if x is not None]) if OFFSET in names else None
 
-    def _weights_to_begin_with(
+    def _warm_start(
         self, sizes: NDArray[np.float64], ready: PreparedProblems
     ) -> NDArray[np.float64] | None:
         """The warm start: the flat weights times ``sizes``; or None."""
-        if not self._goes_on:
+        if not self._is_warm:
             return None
         parts = self._learned("node_weights", self._edge_array)
         if self._weights_per_edge(ready) == 1:

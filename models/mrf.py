@@ -124,7 +124,7 @@ class PottsField(Options):
         return gives_beliefs(self.inference)
 
     def with_shares(self, labelings: Sequence[NDArray[np.int64]], n_labels: int) -> "PottsField":
-        """A field with the labels' shares in these labels; itself if it does not need them.
+        """A field with the labels' shares in these labels; itself if it does not divide by them.
 
         One node of each label is added, so that none has the share 0.
         """
@@ -186,7 +186,7 @@ class PottsField(Options):
     def _decoded(self, problem: LabelingProblem) -> Labeling:
         unary = self._evidence(problem, evident_unary(problem, "potts", with_cliques=True))
         weight = _by_degree(problem.graph) if self.weight == "auto" else self.weight
-        earned = weight * _given(problem) if self.edge_weights == "given" else weight
+        earned = weight * _edge_weights(problem) if self.edge_weights == "given" else weight
         potentials = Potentials.potts(unary, earned)
         return decode_cliques_as(self, problem, potentials, self.inference, self.clique_weight)
 
@@ -213,7 +213,7 @@ def _by_degree(graph: LabelGraph) -> float:
     return NEIGHBOURHOOD / max(mean_degree, 1.0)
 
 
-def _given(problem: LabelingProblem) -> NDArray[np.float64]:
+def _edge_weights(problem: LabelingProblem) -> NDArray[np.float64]:
     """(E,) the edge weights of the problem."""
     weights = problem.edge_features
     if weights is None or weights.shape[1] != 1:

@@ -47,9 +47,9 @@ def observed_in_folds(
     order = np.random.default_rng(0).permutation(len(nodes))
     parts = [nodes[order[part::n_parts]] for part in range(n_parts)]
     problems = []
-    for asked in parts:
+    for target in parts:
         observed = truth.copy()
-        observed[asked] = -1
+        observed[target] = -1
         problems.append(replace(problem, known=observed))
     return problems, [truth] * n_parts
 
@@ -66,28 +66,28 @@ def with_observed(
     are learned in folds (:func:`observed_in_folds`). Weights of nodes are copied.
     """
     examples: list[tuple[LabelingProblem, NDArray[np.int64], int]] = []
-    for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
+    for index, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
         observed = problem.known
         if observed is None:
-            examples.append((problem, truth, number))
+            examples.append((problem, truth, index))
             continue
-        _check_agrees(problem, truth, number)
+        _check_agrees(problem, truth, index)
         labels = np.where(truth < 0, observed, truth)
         n_labelled = int((labels >= 0).sum())
         if n_labelled and not ((truth >= 0) & (observed < 0)).any():
             if describes_nodes(problem):
-                examples.append((replace(problem, known=None), labels, number))
+                examples.append((replace(problem, known=None), labels, index))
                 continue
             if n_labelled == 1:
                 raise InputError(
-                    f"the only label of problem {number} is observed (known), so that no target is "
+                    f"the only label of problem {index} is observed (known), so that no target is "
                     "left to learn from; label more nodes"
                 )
             copies, truths = observed_in_folds(problem, labels, min(N_PARTS, n_labelled))
-            examples += [(copy, part, number) for copy, part in zip(copies, truths, strict=True)]
+            examples += [(copy, part, index) for copy, part in zip(copies, truths, strict=True)]
         else:
-            examples.append((problem, labels, number))
-    copied_weights = None if weights is None else [weights[number] for _, _, number in examples]
+            examples.append((problem, labels, index))
+    copied_weights = None if weights is None else [weights[index] for _, _, index in examples]
     return [one for one, _, _ in examples], [truth for _, truth, _ in examples], copied_weights
 
 
@@ -104,22 +104,22 @@ def without_observed(
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
     """The problems without observed labels, for learners that condition on true labels anyway."""
     filled = []
-    for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
+    for index, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
         if problem.known is not None:
-            _check_agrees(problem, truth, number)
+            _check_agrees(problem, truth, index)
             truth = np.where(truth < 0, problem.known, truth)
         filled.append(truth)
     return [replace(problem, known=None) for problem in problems], filled
 
 
-def _check_agrees(problem: LabelingProblem, truth: NDArray[np.int64], number: int) -> None:
+def _check_agrees(problem: LabelingProblem, truth: NDArray[np.int64], index: int) -> None:
     observed, names = problem.known, problem.label_names
     assert observed is not None  # checked by the caller
     other = np.flatnonzero((observed >= 0) & (truth >= 0) & (observed != truth))
     if len(other):
         node = int(other[0])
         raise InputError(
-            f"labelings[{number}] says {names[truth[node]]!r} at node {node}, which the problem "
+            f"labelings[{index}] says {names[truth[node]]!r} at node {node}, which the problem "
             f"knows to be {names[observed[node]]!r}"
         )
 
@@ -135,9 +135,9 @@ def mask_observed_losses(
     """(N,) losses, 0 at observed nodes, rescaled to the same mean unless all are 0."""
     if observed is None:
         return losses
-    asked = np.where(observed >= 0, 0.0, losses)
-    total = asked.sum()
-    return asked * (losses.sum() / total) if total > 0 else asked
+    masked = np.where(observed >= 0, 0.0, losses)
+    total = masked.sum()
+    return masked * (losses.sum() / total) if total > 0 else masked
 
 
 # Fewer labelled nodes allow no comparison.
@@ -176,7 +176,7 @@ def warns_of_few_labels(fit: Fit) -> Fit:
 def fault_on_few_labels(
     fitted: Any, problem: LabelingProblem, labels: NDArray[np.int64]
 ) -> str | None:
-    """What is wrong with the result on its only graph, of which at most half is labelled.
+    """The fault of a result on its only graph, if at most half of the graph is labelled.
 
     One label takes all unlabelled nodes, or nearly all where nothing describes them; or the Potts
     field with its default weight labels nodes of known label, hidden in turn, better.

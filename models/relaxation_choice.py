@@ -1,7 +1,6 @@
 """Iterations and prior share of relaxation, chosen on held-out parts of training problems.
 
-Every iteration erodes narrow regions, faster with confident, correlated scores; the best number of
-iterations depends on the cells and on the classifier.
+Every iteration erodes narrow regions; the best number depends on the cells and on the classifier.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -61,14 +60,14 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
     for part in range(N_PARTS):
         rest = _among(examples, [where != part for where in parts])
         masks = [where == part for where in parts]
-        asked = _among(examples, masks)
+        held_out = _among(examples, masks)
         kinds = [on[mask] for on, mask in zip(steps, masks, strict=True) if mask.any()]
-        if not asked or len({y for _, truth in rest for y in np.unique(truth).tolist()}) < k:
+        if not held_out or len({y for _, truth in rest for y in np.unique(truth).tolist()}) < k:
             continue
         if not any(plain.counts(*example).any() for example in rest):
             continue
         fitted = plain.fit([problem for problem, _ in rest], [truth for _, truth in rest])
-        for (problem, truth), kind in zip(asked, kinds, strict=True):
+        for (problem, truth), kind in zip(held_out, kinds, strict=True):
             alone = evident_unary(problem, "relaxation", single=True).argmax(axis=1)
             counts[0, 0.0] += _by_kind(kind, truth, alone, k)
             for share in shares:

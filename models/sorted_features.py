@@ -4,8 +4,7 @@ A feature's values are replaced by bin indices: at most 256 bins whose edges are
 feature, so that equal values share a bin. A value that would fill a bin alone gets a separate bin.
 Features that order the examples identically are stored once. Neighbouring bins are merged to at
 most 64 coarse ones, and two or more features share a table of joint coarse bins, so that one pass
-over the examples fills all their histograms. The inside of a bin is sorted only if the search needs
-it.
+over the examples fills all their histograms. A bin is sorted only if the search needs it.
 
 Memory apart from the matrix: at most two bytes per example and feature, and a copy of the matrix if
 its rows are not contiguous.
@@ -80,12 +79,12 @@ class SortedFeatures:
         ]
         return np.array(rows, np.int64).reshape(-1, 3)
 
-    def sorted_bin(self, plane: int, number: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    def sorted_bin(self, plane: int, code: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Positions and values of one bin by ascending value, cached."""
-        key = (plane, number)
+        key = (plane, code)
         if key not in self._bins:
             buffer = np.empty(len(self.rows), np.int32)
-            count = bin_members(self.codes[plane], number, buffer)
+            count = bin_members(self.codes[plane], code, buffer)
             values = self.X[self.rows[buffer[:count]], self.columns[plane]]
             order = np.argsort(values, kind="stable")
             self._bins[key] = buffer[:count][order], values[order]

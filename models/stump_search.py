@@ -219,8 +219,8 @@ class StumpSearch:
 
     def _inside(self, row: NDArray[np.int64], floor: int) -> tuple[int, int, float, float]:
         """The best size of a score in a bin; score and neighbours of the first that reaches it."""
-        _, plane, number, left, start_mass = (int(value) for value in row)
-        members, values = self.prepared.sorted_bin(plane, number)
+        _, plane, code, left, start_mass = (int(value) for value in row)
+        members, values = self.prepared.sorted_bin(plane, code)
         best: tuple[int, int, float, float] = _core.interior_scores(
             members, values, left, start_mass, self.weighed, floor
         )
@@ -232,12 +232,12 @@ class StumpSearch:
         """The first split in order of feature and threshold whose score reaches ``floor``."""
         plane, last_left, score = _core.first_good_edge(planes, self.fine, self.weighed, floor)
         for row in sorted(looked_into, key=lambda row: (row[1], row[2])):
-            number = int(row[2])
-            if plane >= 0 and (plane, last_left) < (row[1], number):
+            code = int(row[2])
+            if plane >= 0 and (plane, last_left) < (row[1], code):
                 break
             best, inner_score, low, high = self._inside(row, floor)
             if best >= floor:
-                return Stump(int(row[1]), low, high, number, number, inner_score)
+                return Stump(int(row[1]), low, high, code, code, inner_score)
         prepared = self.prepared
         low, high = _core.neighbours_of_split(
             prepared.codes[plane],

@@ -9,7 +9,7 @@ from pgm_places.errors import InputError
 def check_iteration_limits(
     max_iterations: int, tolerance: float = 0.0, damping: float = 0.0, *, fewest: int = 1
 ) -> None:
-    """Raise InputError unless these describe an iteration that can go on and end."""
+    """Raise InputError unless limit and tolerance of an iteration are valid."""
     require_at_least("max_iterations", max_iterations, fewest)
     require_at_least("tolerance", tolerance, 0)
     if not 0 <= damping < 1:

@@ -93,10 +93,10 @@ def reduce_model(model: PairwiseModel) -> Reduction:
     same = closed[first == second]
     offset += float(model.agreement[same, labels[edges[same, 0]]].sum())
     inside = open_ends.all(axis=1)
-    number = np.cumsum(open_nodes) - 1
+    new_index = np.cumsum(open_nodes) - 1
     smaller = pairwise_model(
         unary[open_nodes],
-        adjacency(int(open_nodes.sum()), number[edges[inside]]),
+        adjacency(int(open_nodes.sum()), new_index[edges[inside]]),
         model.agreement[inside],
     )
     left = PairwiseModel(smaller.around, smaller.unary, smaller.agreement, smaller.tables, offset)

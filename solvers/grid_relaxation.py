@@ -213,8 +213,8 @@ def _lay_out(cells: _Cells, shape: tuple[int, int], nodes_at_once: int) -> _Rows
     needed = tall.copy()
     needed[:, 1:] |= tall[:, :-1]
     needed[:, :-1] |= tall[:, 1:]
-    number = np.cumsum(needed, dtype=np.int64).reshape(needed.shape) - 1
-    index = np.where(needed, number, -1).astype(np.int32)
+    block = np.cumsum(needed, dtype=np.int64).reshape(needed.shape) - 1
+    index = np.where(needed, block, -1).astype(np.int32)
     row_start = np.concatenate([[0], np.cumsum(needed.sum(axis=1, dtype=np.int64))]) * BLOCK
     row, first, last = _runs(used)
     at = [BLOCK * index[row + dr, first].astype(np.int64) for dr in (-1, 0, 1)]

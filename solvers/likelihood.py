@@ -128,11 +128,11 @@ def maximize_likelihood(
     >>> learned.status, learned.weights[2:].round(2).tolist()
     ('optimal', [-0.7, 1.43, -0.04, -0.7])
     """
-    asked = labels >= 0 if observed is None else (labels >= 0) & (observed < 0)
-    n_known = int(asked.sum())
+    targets = labels >= 0 if observed is None else (labels >= 0) & (observed < 0)
+    n_known = int(targets.sum())
     if not n_known:
         raise InputError("maximum likelihood needs at least one labelled node, got none")
-    total = float(n_known if node_weight is None else node_weight[asked].sum())
+    total = float(n_known if node_weight is None else node_weight[targets].sum())
     if not total:
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
     loss = _Loss(field, labels, kind, node_weight, observed)
@@ -185,8 +185,8 @@ class _Loss:
         potentials = field.potentials(weights)
         if self.kind == "pseudo-likelihood":
             soft = soft_labels(field, labels, expected)
-            asked = labels if self.observed is None else np.where(self.observed >= 0, -1, labels)
-            return pseudo_sums(field, asked, potentials, soft, node_weight)
+            targets = labels if self.observed is None else np.where(self.observed >= 0, -1, labels)
+            return pseudo_sums(field, targets, potentials, soft, node_weight)
         marginals = exact_sums if self.kind == "likelihood" else piecewise_sums
         conditioned = potentials._replace(unary=keep_known(potentials.unary, self.observed))
         free = marginals(field, conditioned, node_weight)

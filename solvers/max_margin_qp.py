@@ -1,10 +1,10 @@
 """Max-margin learning as one compact quadratic program with the LP dual, in cvxpy.
 
 The maximum over labellings in the hinge is replaced by its LP relaxation, and that LP by its dual
-(Taskar et al. 2004), which makes learning one convex QP. With two labels the relaxation is tight
-and the QP is the exact objective; with more it lies above it. Memory and time grow quickly: use it
-up to some thousand nodes, and the cutting plane beyond. OSQP runs in chunks of a fixed number of
-iterations; between chunks, signals are handled and the time limit is checked.
+(Taskar et al. 2004). With two labels the relaxation is tight and the QP is the exact objective;
+with more it lies above it. Memory and time grow quickly: use it up to some thousand nodes, and the
+cutting plane beyond. OSQP runs in chunks of iterations; between chunks, signals are handled and the
+time limit is checked.
 """
 
 import logging

@@ -56,7 +56,7 @@ class _States(NamedTuple):
     """(K,) of a label entered before."""
 
 
-class _Found(NamedTuple):
+class _Filtered(NamedTuple):
     """Output of the filter, by step."""
 
     beliefs: NDArray[np.float64]
@@ -75,7 +75,7 @@ class _Found(NamedTuple):
     """(T,) the logarithm that the total is scaled by."""
 
 
-class _LogFound(NamedTuple):
+class _LogFiltered(NamedTuple):
     """Output of the filter in logarithms, by step."""
 
     beliefs: NDArray[np.float64]
@@ -238,7 +238,7 @@ class SemiMarkovChain:
             _core.smooth_stretches(self._model, states, steps)
         return _beliefs(steps)
 
-    def _exceeds_floats(self, steps: _Found, observed: NDArray[np.float64]) -> bool:
+    def _exceeds_floats(self, steps: _Filtered, observed: NDArray[np.float64]) -> bool:
         """Whether a label may have underflowed that later steps need."""
         leaving = self._model.leaving
         if leaving.min(initial=1.0, where=leaving > 0) < RARE_ARRIVAL:
@@ -255,7 +255,7 @@ class SemiMarkovChain:
         self, states: _States, observed: NDArray[np.float64], *, smooth: bool
     ) -> ChainBeliefs:
         shape = observed.shape
-        steps = _LogFound(
+        steps = _LogFiltered(
             beliefs=np.empty(shape),
             factor=np.empty(shape),
             entered=np.empty(shape),
@@ -271,9 +271,9 @@ class SemiMarkovChain:
         beliefs /= beliefs.sum(axis=1, keepdims=True)
         return ChainBeliefs(beliefs, evidence, np.flatnonzero(steps.impossible))
 
-    def _filter(self, states: _States, observed: NDArray[np.float64]) -> _Found:
+    def _filter(self, states: _States, observed: NDArray[np.float64]) -> _Filtered:
         shape = observed.shape
-        steps = _Found(
+        steps = _Filtered(
             beliefs=np.zeros(shape),
             factor=np.ones(shape),
             left=np.zeros(shape),
@@ -303,7 +303,7 @@ class SemiMarkovChain:
         return _States(at_m, np.zeros(rows.shape), np.zeros(n_labels)), np.ascontiguousarray(rows)
 
 
-def _beliefs(steps: _Found) -> ChainBeliefs:
+def _beliefs(steps: _Filtered) -> ChainBeliefs:
     impossible = np.flatnonzero(steps.total == 0.0)
     evidence = -np.inf
     if not len(impossible):

@@ -49,7 +49,7 @@ class SetNodes:
     @property
     def n_whole(self) -> int:
         """Nodes of the graph and of the sets together."""
-        return self.n_nodes + len(self._speaks) * self.n_sets
+        return self.n_nodes + len(self._mask) * self.n_sets
 
     @property
     def n_whole_labels(self) -> int:
@@ -57,7 +57,7 @@ class SetNodes:
         return self.n_labels + (self.n_labels > 2)
 
     @cached_property
-    def _speaks(self) -> NDArray[np.bool_]:
+    def _mask(self) -> NDArray[np.bool_]:
         """(A, K) whether each of the A nodes of a set represents a label."""
         if self.n_labels == 2 and self.dissent < 0.5:
             return np.eye(2, dtype=np.bool_)
@@ -67,9 +67,9 @@ class SetNodes:
     def links(self) -> NDArray[np.int32]:
         """(A M, 2) links of each member with each node of its set."""
         node, of_set = self.cliques.links.T
-        first = self.n_nodes + self.n_sets * np.arange(len(self._speaks))
+        first = self.n_nodes + self.n_sets * np.arange(len(self._mask))
         ends = (first[:, None] + of_set).ravel()
-        members = np.tile(node, len(self._speaks))
+        members = np.tile(node, len(self._mask))
         return np.stack([members, ends], axis=1).astype(np.int32)
 
     def unary(
@@ -79,17 +79,17 @@ class SetNodes:
         k = self.n_labels
         out = np.full((self.n_whole, self.n_whole_labels), -np.inf)
         out[: self.n_nodes, :k] = unary
-        at_sets = out[self.n_nodes :].reshape(len(self._speaks), self.n_sets, -1)
+        at_sets = out[self.n_nodes :].reshape(len(self._mask), self.n_sets, -1)
         at_sets[...] = 0.0
         base = rewards * (self.cliques.sizes * (1.0 - 1.0 / self.dissent))[:, None]
-        at_sets[:, :, :k] = self._speaks[:, None] * base
+        at_sets[:, :, :k] = self._mask[:, None] * base
         return out
 
     def link_rewards(self, rewards: NDArray[np.float64]) -> NDArray[np.float64]:
         """(A M, K') reward of each link for each label at both ends."""
         k = self.n_labels
-        out = np.zeros((len(self._speaks), len(self.cliques.members), self.n_whole_labels))
-        out[:, :, :k] = self._speaks[:, None] * (rewards / self.dissent)[self.cliques.links[:, 1]]
+        out = np.zeros((len(self._mask), len(self.cliques.members), self.n_whole_labels))
+        out[:, :, :k] = self._mask[:, None] * (rewards / self.dissent)[self.cliques.links[:, 1]]
         return out.reshape(-1, self.n_whole_labels)
 
     def agreement(
