@@ -121,7 +121,7 @@ def with_unlabelled(
     ``model`` has the tables counted on labelled steps; ``moved(graph)`` (T - 1,) is whether the
     robot moved. Each chain has one weight.
     """
-    if any(len(np.unique(part)) > 1 for part in weights):
+    if any(len(np.unique(node_weights)) > 1 for node_weights in weights):
         raise InputError(
             "sample_weight needs one weight per chain with unlabelled='hidden'; use 'dropped' for "
             "weights of single steps"
@@ -198,7 +198,7 @@ def _log_prior(
 ) -> float:
     if smoothing == 0:
         return 0.0
-    parts = [tables.transition]
-    parts += [tables.initial] if learns_start else []
-    parts += [] if observation == "posterior" else [tables.confusion]
-    return smoothing * sum(float(np.log(possible(part)).sum()) for part in parts)
+    learned = [tables.transition]
+    learned += [tables.initial] if learns_start else []
+    learned += [] if observation == "posterior" else [tables.confusion]
+    return smoothing * sum(float(np.log(possible(table)).sum()) for table in learned)

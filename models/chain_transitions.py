@@ -120,7 +120,7 @@ def known_lengths(
         placed = [problem for problem in problems if problem.graph.positions_m is not None]
         return [np.asarray(step_lengths(problem, "positions")) for problem in placed]
     of_chains = [np.asarray(step_lengths(problem, lengths)) for problem in problems]
-    if not any(part.any() for part in of_chains):
+    if not any(lengths_m.any() for lengths_m in of_chains):
         raise InputError("all steps have length 0: transitions by step length need lengths above 0")
     return of_chains
 

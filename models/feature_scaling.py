@@ -70,7 +70,7 @@ class Standardization:
         if len({matrix.shape[1] for matrix in features}) > 1:
             raise InputError(
                 "training problems must have the same number of node features, got "
-                f"{[part.shape[1] for part in features]}"
+                f"{[matrix.shape[1] for matrix in features]}"
             )
         return cls.of(stacked_rows(features), scale)
 

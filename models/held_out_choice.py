@@ -56,7 +56,7 @@ class Choice(NamedTuple):
 
 def choose(
     labels: NDArray[np.int64],
-    asked: NDArray[np.bool_],
+    scored: NDArray[np.bool_],
     parts: NDArray[np.int64],
     kinds: tuple[Sequence[str], Sequence[str]],
     penalties: Sequence[float],
@@ -77,7 +77,7 @@ def choose(
     ``alone``. A C above the usual one must be more accurate by :data:`WORTH`: gains of rare labels
     at the cost of frequent ones are less reliable on new maps.
 
-    ``labels`` (N,) are -1 where unknown, ``parts`` (N,) -1 where never held out; nodes ``asked``
+    ``labels`` (N,) are -1 where unknown, ``parts`` (N,) -1 where never held out; nodes ``scored``
     (N,) count. ``kinds`` are node features, simpler ones first, and learners; ``begin`` starts a
     path without the nodes of a mask (N,). Both scores are means over ``steps`` (N,) linked to cells
     and other nodes: the few steps of a drive weigh as much as the many cells of its map.
@@ -85,7 +85,7 @@ def choose(
     held_out = [
         parts == part
         for part in np.unique(parts[parts >= 0])
-        if (asked & (parts == part)).any()
+        if (scored & (parts == part)).any()
         and len(np.unique(labels[(parts != part) & (labels >= 0)])) == labels.max() + 1
     ]
     features, learners = kinds
@@ -93,8 +93,8 @@ def choose(
     if not held_out:
         none = {Candidate(features[0], learners[0], C): (np.nan, np.nan) for C in rising}
         return Choice(next(iter(none)), _table(none), None)
-    asked_nodes = np.concatenate([np.flatnonzero(part & asked) for part in held_out])
-    truth, on_steps = labels[asked_nodes], steps[asked_nodes]
+    scored_nodes = np.concatenate([np.flatnonzero(part & scored) for part in held_out])
+    truth, on_steps = labels[scored_nodes], steps[scored_nodes]
 
     def scores_of(predicted: NDArray[np.int64]) -> tuple[float, float]:
         k = int(labels.max()) + 1
@@ -103,7 +103,7 @@ def choose(
 
     least = dict.fromkeys(rising, 0.0)
     if alone is not None:
-        right, _ = scores_of(alone[asked_nodes])
+        right, _ = scores_of(alone[scored_nodes])
         least = {C: right + (WORTH if usual < C else -TOLERANCE) for C in rising}
     paths: dict[tuple[str, str], list[Path]] = {}
     scores: dict[Candidate, tuple[float, float]] = {}
@@ -113,7 +113,7 @@ def choose(
         if (name, learner) not in paths:
             paths[name, learner] = [begin(part, name, learner) for part in held_out]
         outcomes = [path(penalty) for path in paths[name, learner]]
-        answers = [mine[asked[part]] for (mine, _), part in zip(outcomes, held_out, strict=True)]
+        answers = [mine[scored[part]] for (mine, _), part in zip(outcomes, held_out, strict=True)]
         candidate = Candidate(name, learner, penalty)
         scores[candidate] = scores_of(np.concatenate(answers))
         weights[candidate] = np.mean([w for _, w in outcomes], axis=0)

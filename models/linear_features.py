@@ -111,11 +111,11 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
             columns.append(problem.node_features)
         else:
             columns.append(_probabilities(problem, part, logarithm=part == "logz"))
-    if not any(is_sparse(part) for part in columns):
+    if not any(is_sparse(column) for column in columns):
         return np.concatenate(columns, axis=1)
     import scipy.sparse as sp
 
-    joined: Any = sp.hstack([sp.csr_array(part) for part in columns], format="csr")
+    joined: Any = sp.hstack([sp.csr_array(column) for column in columns], format="csr")
     return joined
 
 

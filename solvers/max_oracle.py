@@ -197,21 +197,21 @@ def best_labels(
 
 
 def _best_with_sets(
-    whole: Adjacency,
+    graph: Adjacency,
     n_nodes: int,
     unary: NDArray[np.float64],
     tables: NDArray[np.float64],
     max_passes: int,
 ) -> NDArray[np.int64]:
     """The best labelling by TRW-S (nodes of sets first) and local search, also from constants."""
-    n_after = whole.n_nodes - n_nodes
-    edges = (whole.edges + n_after) % whole.n_nodes
+    n_after = graph.n_nodes - n_nodes
+    edges = (graph.edges + n_after) % graph.n_nodes
     turned = pairwise_model(np.roll(unary, n_after, axis=0), edges, pairwise=tables)
     first = trws(turned, max_iterations=max_passes)
     starts = [np.roll(first.labels, -n_after).astype(np.int32)]
     allowed = np.flatnonzero(np.isfinite(unary).all(axis=0))
-    starts += [np.full(whole.n_nodes, k, np.int32) for k in allowed]
-    model = pairwise_model(unary, whole, pairwise=tables)
+    starts += [np.full(graph.n_nodes, k, np.int32) for k in allowed]
+    model = pairwise_model(unary, graph, pairwise=tables)
     for labels in starts:
         improved_modes(model, labels)
     return max(starts, key=lambda labels: total_score(model, labels)).astype(np.int64)
