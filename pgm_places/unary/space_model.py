@@ -1,5 +1,6 @@
 """Space model: scores with segments, gates and places, and its training."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import row_blocks
 from pgm_places.evaluation.folds import cross_fit, held_out_scores
 from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import report_stage
@@ -159,17 +161,35 @@ class SpaceModel:
         judged = np.where(match.known, 0.0, probability)
         judged[match.is_doorway] = 1.0
         others = unmatched_doors(candidates, match, known, self.doorway)
-        removed = np.empty(0, np.int64)
+        removed: tuple[Gate, ...] = ()
         if (covered := match.known & ~match.is_doorway).any():
-            removed = np.flatnonzero(covered & places_between(candidates, probability).accepted)
-        gates = tuple(candidates[g] for g in removed.tolist())
-        return MapSpaces.of(candidates, judged, others, gates)
+            doubted = np.flatnonzero(covered & places_between(candidates, probability).accepted)
+            removed = _in_patches([candidates[g] for g in doubted.tolist()], candidates, known)
+        return MapSpaces.of(candidates, judged, others, removed)
 
     def nodes_at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
         """The nodes of a layout at gates; None if gates have no effect on scores."""
         if self.gates is None or self.doorway is None:
             return None
         return spaces.nodes_at_gates(layout)
+
+
+_LARGEST_PATCH_M2 = 4.0
+"""Area (m²) up to which observed labels remove an opening; larger ones label the rooms around."""
+
+
+def _in_patches(
+    gates: Sequence[Gate], candidates: Gates, known: NDArray[np.int16]
+) -> tuple[Gate, ...]:
+    """The gates on connected observed labels (H, W) of at most 4 m²."""
+    grid = candidates.segmentation.watershed.grid
+    pieces = connected_components(known)
+    area_m2 = np.append(pieces.size * grid.resolution_m**2, 0.0)  # the last for unobserved cells
+    return tuple(
+        gate
+        for gate in gates
+        if area_m2[pieces.piece[tuple(gate.cells(grid).T)]].max(initial=0.0) <= _LARGEST_PATCH_M2
+    )
 
 
 def gate_probabilities(gates: BoostedList | None, features: ArrayLike) -> NDArray[np.float64]:

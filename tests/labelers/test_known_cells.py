@@ -114,6 +114,12 @@ def test_a_painted_doorway_is_a_gate_and_a_gate_painted_over_is_none() -> None:
     assert without.removed == (gate,)
     places = topological_map(grid, plain.labels, NAMES, doorways=without)
     assert places.removed_openings == (gate.line_m,)
+    near = gate.cells(grid, wider_m=2.0, deeper_m=2.0)
+    broad = np.full(grid.shape, -1)
+    broad[tuple(near.T)] = NAMES.index("room")
+    assert len(near) * grid.resolution_m**2 > 4
+    rooms = label_map(labeler(), grid, known=broad).doorways
+    assert rooms is not None and gate not in rooms.gates and gate not in rooms.removed
     known[r, c] = NAMES.index("doorway")
     again = label_map(labeler(), grid, known=known).doorways
     assert again is not None and again.probability[again.gates.index(gate)] == 1
