@@ -35,7 +35,14 @@ from pgm_places.studio.runs import Window, runs_of_mask, runs_over
 from pgm_places.teaching.interactive_labeler import InteractiveResult
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.checks import SplitCandidate, split_candidates
-from pgm_places.topology.cuts import cut_along, place_along, runs_between
+from pgm_places.topology.cuts import (
+    Limits,
+    cut_along,
+    cut_line,
+    doorway_ends,
+    place_along,
+    runs_between,
+)
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 
@@ -197,15 +204,15 @@ class MapSession:
     def door_line(self, points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """The ends, x and y in cells, of a doorway drawn along two points."""
         with self._lock:
-            ends = strokes.doorway_ends(points, self.grid, self._limits)
+            ends = doorway_ends(points, self.grid, self._limits)
         return [(float(column) + 0.5, float(row) + 0.5) for row, column in ends]
 
     @property
-    def _limits(self) -> strokes.Limits:
+    def _limits(self) -> Limits:
         names, door = self.painting.classes.names, self.rules.doorway_label
         topology = None if self.relabelling is None else self.relabelling.taught.topology
         doorway = names.index(door) if door in names else None
-        return strokes.Limits(self.painting.labels, doorway, topology)
+        return Limits(self.painting.labels, doorway, topology)
 
     def _edit_stroke(
         self, label: int, stroke: Mapping[str, object], over: int | None = None
@@ -234,7 +241,7 @@ class MapSession:
 
     def _edit_cut(self, start: Point, end: Point) -> None:
         topology = self.answer.topology
-        line = strokes.cut_line((start, end), self.grid, self._limits)
+        line = cut_line((start, end), self.grid, self._limits)
         place = place_along(topology, line)
         if place is None or len(cut_along(topology, place, [line])) < 2:
             raise InputError(

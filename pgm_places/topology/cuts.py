@@ -2,11 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places.errors import InputError
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid, at_cells
 from pgm_places.solvers.graph_cut import minimum_cut
@@ -25,6 +27,9 @@ MOST_TOGETHER = 3
 
 SAME_OPENING_M = 0.5
 """Greatest distance (m) between the middles of lines in one opening."""
+
+LONGEST_SNAP_M = 2.0
+"""Greatest distance from a click to the wall at which a doorway ends (m)."""
 
 _LEAST_PART_M2 = 0.1  # smaller pieces at a line join the adjacent part
 
@@ -152,6 +157,90 @@ def in_one_opening(line: Line, other: Line) -> bool:
         float(_distance_to_line(np.mean([one], axis=1), *another)[0]) <= SAME_OPENING_M
         for one, another in ((line, other), (other, line))
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What stops a door line besides walls: other doorways, and outlines of regions."""
+
+    paint: NDArray[np.int16]
+    doorway: int | None = None
+    topology: TopologicalMap | None = None
+
+    @cached_property
+    def _doors(self) -> NDArray[np.int64]:
+        """Ids of the doorways in the topological map."""
+        if self.topology is None:
+            return np.empty(0, np.int64)
+        label = self.topology.doorway_label
+        return np.array([r.id for r in self.topology.regions if r.label == label], np.int64)
+
+    def doorways(self, rows: slice, columns: slice) -> NDArray[np.bool_]:
+        """The cells of a window that belong to a doorway, labelled or painted."""
+        paint = self.paint[rows, columns]
+        found = paint == self.doorway if self.doorway is not None else np.zeros(paint.shape, bool)
+        if self.topology is not None:
+            found |= np.isin(self.topology.region[rows, columns], self._doors) & (paint < 0)
+        return np.asarray(found)
+
+    def region(self, row: int, column: int) -> int:
+        """The region at a cell; 0 for none."""
+        return 0 if self.topology is None else int(self.topology.region[row, column])
+
+
+def doorway_ends(
+    points: Sequence[tuple[float, float]], grid: OccupancyGrid, limits: Limits | None = None
+) -> NDArray[np.float64]:
+    """(2, 2) row and column of both ends of a line, extended to the nearest wall on each side.
+
+    A line ends before another doorway. An end with neither within two metres moves to the outline
+    of its region, or stays if there is no region.
+    """
+    start, end = (np.array([y - 0.5, x - 0.5]) for x, y in points)
+    along = end - start
+    length = float(np.hypot(*along))
+    if length == 0:
+        raise InputError("the ends of a doorway must be two different points")
+    step = along / length
+    return np.array([_moved(start, -step, grid, limits), _moved(end, step, grid, limits)])
+
+
+def _moved(
+    start: NDArray[np.float64],
+    step: NDArray[np.float64],
+    grid: OccupancyGrid,
+    limits: Limits | None,
+) -> NDArray[np.float64]:
+    """The last point before a wall or another doorway, else before the region's outline."""
+    point, outline, home = start, None, 0
+    leaving = True  # a line that begins inside a doorway redraws this doorway
+    for _ in range(int(LONGEST_SNAP_M / grid.resolution_m * 2) + 1):
+        ahead = point + step / 2
+        r, c = np.floor(ahead + 0.5).astype(int).tolist()
+        inside = 0 <= r < grid.shape[0] and 0 <= c < grid.shape[1]
+        if not inside or not grid.free[r, c]:
+            return point
+        if limits is not None:
+            at_doorway = bool(limits.doorways(slice(r, r + 1), slice(c, c + 1))[0, 0])
+            if at_doorway and not leaving:
+                return point
+            leaving &= at_doorway
+            region = 0 if at_doorway else limits.region(r, c)
+            if outline is None and home and region not in (0, home):
+                outline = point
+            home = home or region
+        point = ahead
+    return start if outline is None else outline
+
+
+def cut_line(
+    points: Sequence[tuple[float, float]], grid: OccupancyGrid, limits: Limits | None = None
+) -> Line:
+    """The cut of a place in metres: the line of a doorway, lengthened by a cell."""
+    start, end = doorway_ends(points, grid, limits)
+    step = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
+    (x0, y0), (x1, y1) = grid.cell_centres_m([start - step, end + step]).tolist()
+    return (x0, y0), (x1, y1)
 
 
 def has_jambs(topology: TopologicalMap, place: Region, line: Line) -> bool:

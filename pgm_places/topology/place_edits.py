@@ -104,15 +104,22 @@ def split_across(
 ) -> TopologicalMap:
     """The map with a place split by a line between two points; the larger part keeps the id.
 
-    The other part has the same label, a new id and a new name.
+    The other part has the same label, a new id and a new name. A line that does not divide the
+    place is extended to the borders of the place, or to doorways, up to two metres from its ends.
 
     Raises
     ------
     InputError
         The place is unknown, or the line does not divide it.
     """
-    place = topology.place(key)
-    parts = cuts.cut_along(topology, place, [(_point(start_m), _point(end_m))])
+    place, ends = topology.place(key), (_point(start_m), _point(end_m))
+    parts = cuts.cut_along(topology, place, [ends])
+    are_inside = all(topology.region_at(*end) == place for end in ends)
+    if len(parts) < 2 and are_inside and ends[0] != ends[1]:
+        unpainted = np.full(topology.grid.shape, -1, np.int16)
+        x_y = [_point(point) for point in topology.grid.points_at_m(ends).tolist()]
+        limits = cuts.Limits(unpainted, topology=topology)
+        parts = cuts.cut_along(topology, place, [cuts.cut_line(x_y, topology.grid, limits)])
     if len(parts) < 2:
         raise InputError(
             f"the line from ({start_m[0]:g}, {start_m[1]:g}) to ({end_m[0]:g}, {end_m[1]:g}) "

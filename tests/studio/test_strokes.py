@@ -13,7 +13,8 @@ from pgm_places._core import mark_brush
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.studio.runs import checked_runs, runs_of_mask
-from pgm_places.studio.strokes import Limits, Stroke, doorway_ends, parts, stroke_cells
+from pgm_places.studio.strokes import Stroke, parts, stroke_cells
+from pgm_places.topology.cuts import Limits, doorway_ends
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.reference.strokes import band

@@ -83,11 +83,20 @@ def test_a_place_is_split_and_the_larger_part_keeps_its_id(how: str, yaw_rad: fl
             np.testing.assert_array_equal(found.region == region.id, before.region == region.id)
 
 
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.8])
+def test_a_line_with_ends_in_the_place_is_extended_to_its_walls(yaw_rad: float) -> None:
+    before = house(yaw_rad)
+    room = next(r for r in before.regions if before.region[30, 10] == r.id)
+    full = split_across(before, room.id, at(before, 47, -1), at(before, 47, 30))
+    short = split_across(before, room.id, at(before, 47, 8), at(before, 47, 16))
+    np.testing.assert_array_equal(short.region, full.region)
+
+
 def test_a_line_that_parts_nothing_is_refused() -> None:
     limits = extent(house().place("room 1"))
     message = f"does not divide 'room 1'; draw it from wall to wall ({limits})"
     with pytest.raises(InputError, match=re.escape(message)):
-        split_across(house(), "room 1", at(house(), 30, 5), at(house(), 30, 10))
+        split_across(house(), "room 1", at(house(), 55, 15), at(house(), 58, 15))  # 3.5 m away
     with pytest.raises(InputError, match="is not in 'room 1'"):
         split_at(house(), "room 1", at(house(), 5, 5))
 
