@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch.map_task import Failure, MapTask
+from pgm_places.batch.map_task import Failure, MapTask, label_one
 from pgm_places.cli import doctor_maps
 from pgm_places.cli.doctor_maps import Forecast, seconds_per_cell
 from pgm_places.errors import InputError
@@ -65,4 +65,13 @@ def test_a_floor_is_really_labelled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         doctor_maps, "generate_building", lambda *_, **__: SimpleNamespace(grid=corner)
     )
+    written = []
+
+    def label(task: MapTask) -> Any:
+        outcome = label_one(task)
+        written.append((Path(task.folder) / "places.json").exists())
+        return outcome
+
+    monkeypatch.setattr(doctor_maps, "label_one", label)
     assert seconds_per_cell(OPTIONS) > 0
+    assert written == [True] * 4, "the time of finding places counts"

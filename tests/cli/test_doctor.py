@@ -121,7 +121,9 @@ def test_a_folder_of_maps_is_a_table(tmp_path: Path, run: Run) -> None:
     assert table[5] == (
         "2 of 2 maps can be labelled: 120,796 cells in about 15 s of processor time"
     )
-    assert table[6].startswith("(estimated for one thread from a generated floor")
+    assert table[6].startswith(
+        "(estimated for one thread from a generated floor, with labels, places and files: "
+    )
     assert "100 µs per cell" in table[6]
     assert table[7].startswith("fine/coarse/map: resampled from 0.5 m to 0.05")
     assert len(table) == 8
