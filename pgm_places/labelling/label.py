@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -230,17 +230,11 @@ def score_map(
         own=None if cache is None else cache(used),
     )
     doorways = accepted_doorways(labeler.unary_model_, used, scores, raster)
-    rules = model.rules
-    if doorways is not None and raster is not None and rules.doorway_label in names:
-        partly = partly_covered(doorways, raster, names.index(rules.doorway_label))
-        for gate, share in partly:
-            (x, y), needed = gate.centre_m, 100 * DECISIVE_SHARE
-            warnings.append(
-                f"the corrections cover only {100 * share:.0f} % of the doorway at ({x:.2f}, "
-                f"{y:.2f}), so it stays; paint at least {needed:.0f} % of it, from wall to wall, "
-                "to remove it"
-            )
-            warn(warnings[-1])
+    if doorways is not None and raster is not None and model.rules.doorway_label in names:
+        doorway = names.index(model.rules.doorway_label)
+        for message in _covered_too_little(doorways, raster, doorway):
+            warn(message)
+            warnings.append(message)
     return ScoredMap(
         model,
         grid,
@@ -253,6 +247,19 @@ def score_map(
         scores.hall,
         (graph, scores) if keep_scores else None,
     )
+
+
+def _covered_too_little(
+    doorways: Doorways, observed: NDArray[np.integer], doorway: int
+) -> Iterator[str]:
+    """A line for each doorway that corrections cover in part and do not remove."""
+    for gate, share in partly_covered(doorways, observed, doorway):
+        x, y = gate.centre_m
+        yield (
+            f"the corrections cover only {100 * share:.0f} % of the doorway at ({x:.2f}, {y:.2f}), "
+            f"so it stays; paint at least {100 * DECISIVE_SHARE:.0f} % of it, from wall to wall, "
+            "to remove it"
+        )
 
 
 def _problem(

@@ -285,21 +285,18 @@ def partly_covered(
     [0.25]
     """
     raster = label_raster("labels", labels, doorways.grid.shape)
-    partly = []
-    for gate in doorways.gates:
-        covered = [
-            float(np.mean((painted >= 0) & (painted != doorway))) if len(painted) else 0.0
-            for margin_m in (0.0, _MARGIN_M)
-            for painted in [raster[tuple(gate.cells(doorways.grid, **_around(margin_m)).T)]]
-        ]
-        if covered[0] >= _OVERLAP and covered[1] < DECISIVE_SHARE:
-            partly.append((gate, covered[1]))
-    return tuple(partly)
+    relabelled = (raster >= 0) & (raster != doorway)
 
+    def share(gate: Gate, margin_m: float) -> float:
+        cells = gate.cells(doorways.grid, wider_m=margin_m, deeper_m=margin_m)
+        return float(relabelled[tuple(cells.T)].mean()) if len(cells) else 0.0
 
-def _around(margin_m: float) -> dict[str, float]:
-    """Arguments of a gate's cells for a margin at every end."""
-    return {"wider_m": margin_m, "deeper_m": margin_m}
+    covered = [(gate, share(gate, _MARGIN_M)) for gate in doorways.gates]
+    return tuple(
+        (gate, covered_share)
+        for gate, covered_share in covered
+        if covered_share < DECISIVE_SHARE and share(gate, 0.0) >= _OVERLAP
+    )
 
 
 def unmatched_doors(
