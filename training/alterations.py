@@ -178,8 +178,7 @@ def _fill(piece: Piece, room: NDArray[np.bool_], rng: np.random.Generator) -> No
             length = min(long, wide / 2 - gap / 2 - a)
             middle = origin + (a + length / 2) * axes[0] + (b + thick / 2) * axes[1]
             _rectangle(shelves, middle, (max(length, 1), thick), degrees)
-    doors = (piece.labels == DOORWAY).astype(np.uint8)
-    there = (shelves > 0) & room & (cv2.dilate(doors, np.ones((17, 17), np.uint8)) == 0)
+    there = _placed(piece, shelves, room, 8)
     rim = there & (cv2.erode(there.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
     piece.occupied[there if rng.random() < 0.4 else rim] = 255
     piece.block(there, seen=False)
@@ -214,9 +213,16 @@ def _fill_with_desks(piece: Piece, room: NDArray[np.bool_], rng: np.random.Gener
             else:
                 thick = deep if drawn_as == "boxes" else 1
                 _rectangle(desks, middle, (long, thick), degrees)
+    piece.block(_placed(piece, desks, room, 6))
+
+
+def _placed(
+    piece: Piece, furniture: Bytes, room: NDArray[np.bool_], from_doors: int
+) -> NDArray[np.bool_]:
+    """The cells of furniture in a room, more than ``from_doors`` cells away from doorways."""
     doors = (piece.labels == DOORWAY).astype(np.uint8)
-    desks[cv2.dilate(doors, np.ones((13, 13), np.uint8)) > 0] = 0
-    piece.block((desks > 0) & room)
+    near = cv2.dilate(doors, np.ones((2 * from_doors + 1,) * 2, np.uint8)) > 0
+    return np.asarray((furniture > 0) & room & ~near, np.bool_)
 
 
 def coarsen(piece: Piece, rng: np.random.Generator) -> None:
