@@ -72,7 +72,7 @@ def parser() -> argparse.ArgumentParser:
         "--out",
         type=Path,
         default=REPRODUCED,
-        help="folder of sections with their pictures, and of what they resume from (kept/)",
+        help="folder for the sections with their pictures, and for cached results (kept/)",
     )
     return result
 

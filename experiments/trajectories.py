@@ -144,7 +144,7 @@ def _has_figures(row: Sequence[str]) -> bool:
 def parser() -> argparse.ArgumentParser:
     """The arguments of the command."""
     result = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.trajectories"))
-    result.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    result.add_argument("--kept", type=Path, help="folder for cached results")
     result.add_argument(
         "parts", nargs="*", choices=[*TABLES, []], metavar="part", help=", ".join(TABLES)
     )

@@ -141,7 +141,7 @@ def parser() -> argparse.ArgumentParser:
     prog = "python -m experiments.unary_choice"
     result = argparse.ArgumentParser(prog=prog, description=__doc__)
     result.add_argument("table", choices=_PARTS)
-    result.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    result.add_argument("--kept", type=Path, help="folder for cached results")
     return result
 
 

@@ -15,7 +15,7 @@ from pgm_places import save, trained_labeler
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.progress import Progress
-from pgm_places.trained import DEFAULT, model_folder, stored_labeler
+from pgm_places.trained import DEFAULT, model_folder, stored_labeler, trained_floor
 from pgm_places.unary.floor_model import FloorModel
 
 LISTS = "adaboost"
@@ -34,6 +34,7 @@ def networks(kept: Path, *, continued: bool = False) -> list[tuple[FloorNetwork,
     After continued training, the shipped network from which it began comes first.
     """
     folds: list[tuple[FloorNetwork, ...]] = []
+    shipped = trained_floor().networks if continued else ()
     for fold in range(N_FOLDS):
         with np.load(network_file(kept, fold), allow_pickle=False) as file:
             weights = {
@@ -42,15 +43,8 @@ def networks(kept: Path, *, continued: bool = False) -> list[tuple[FloorNetwork,
                 if name.startswith("averaged/")
             }
         network = FloorNetwork.unpacked(FloorNetwork(weights).packed())
-        folds.append((_shipped()[fold], network) if continued else (network,))
+        folds.append((*shipped[fold : fold + 1], network))
     return folds
-
-
-def _shipped() -> tuple[FloorNetwork, ...]:
-    """The shipped networks: one of each fold, and then further ones in the same order."""
-    floor = trained_labeler().unary_model_.floor
-    assert floor is not None  # the shipped model has networks
-    return floor.networks
 
 
 def with_networks(
@@ -58,18 +52,21 @@ def with_networks(
 ) -> PlaceLabeler:
     """The labeler with networks for all its methods that see spaces, but for the lists alone."""
     floor = FloorModel(tuple(networks), views_per_network=n_views // len(networks))
-    found = labeler.with_options(floor=floor)
-    found.unary_model_ = replace(labeler.unary_model_, floor=floor)
-    found.methods_ = found.methods = {
+    copy = labeler.with_options(floor=floor)
+    copy.unary_model_ = replace(labeler.unary_model_, floor=floor)
+    copy.methods_ = copy.methods = {
         name: replace(method, unary="floor") if name != LISTS and method.sees_spaces else method
         for name, method in labeler.methods_.items()
     }
-    return found
+    return copy
 
 
 def shipped_without() -> Callable[[str], PlaceLabeler]:
-    """The shipped model for a map of DATA/robots, with the networks of its fold alone."""
-    labeler, maps, shipped = trained_labeler(), declared(), _shipped()
+    """The shipped model for a map of DATA/robots, with the networks of its fold alone.
+
+    The shipped networks are one of each fold, and then further ones in the same order.
+    """
+    labeler, maps, shipped = trained_labeler(), declared(), trained_floor().networks
     alone = [with_networks(labeler, shipped[fold::N_FOLDS]) for fold in range(N_FOLDS)]
     return lambda name: alone[maps[name].fold]
 
@@ -108,5 +105,6 @@ def ship(kept: Path, *, continued: bool = False) -> None:
     with np.load(network_file(kept, 0), allow_pickle=False) as file:
         record["floor"]["steps"] = int(file["steps"])
     if continued:
-        record["floor"]["continued"] = stored.record["floor"]
+        earlier = stored.record["floor"]
+        record["floor"]["continued"] = earlier.get("continued", earlier)  # also if shipped again
     save(with_networks(stored.item, ordered, _VIEWS), model_folder(DEFAULT), record=record)

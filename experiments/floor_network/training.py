@@ -12,7 +12,7 @@ import tensorflow as tf
 from experiments.floor_network.floors import Floor, all_floors, fold_of, network_file
 from pgm_places.io.atomic import atomic_file
 from pgm_places.progress import Progress
-from pgm_places.trained import trained_labeler
+from pgm_places.trained import trained_floor
 from pgm_places.training.crops import LabelledFloor, batch
 from pgm_places.training.network_learning import BATCH, Batch, Trainer, fresh
 
@@ -75,8 +75,7 @@ def train(
 def _trainer(kept: Path, fold: int, *, continued: bool) -> Trainer:
     path = network_file(kept, fold)
     if not path.exists():
-        floor = trained_labeler().unary_model_.floor if continued else None
-        return Trainer(fresh(fold + 1) if floor is None else floor.networks[fold].weights)
+        return Trainer(trained_floor().networks[fold].weights if continued else fresh(fold + 1))
     with np.load(path, allow_pickle=False) as file:
         return Trainer({name: file[name] for name in file.files})
 

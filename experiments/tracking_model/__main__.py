@@ -110,7 +110,7 @@ def tables(
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
     result = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.tracking_model"))
-    result.add_argument("--kept", type=Path, help="folder that keeps what drives show")
+    result.add_argument("--kept", type=Path, help="folder for cached features of drives")
     result.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
     result.add_argument("--model", action="store_true", help="only the model")
     result.add_argument(
